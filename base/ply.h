@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+
+#include "base/cloud.h"
+#include "base/result.h"
+
+namespace crosstie::base {
+
+struct PlyOptions {
+  bool double_coordinates = true;  ///< x y z as double; false: float, for viewers that read nothing else
+};
+
+/// Writes a binary little-endian PLY, atomically: x y z, nx ny nz, cov_xx cov_xy cov_xz cov_yy cov_yz cov_zz, and each field as
+/// `scalar_<name>`; comments state unit and frame.
+Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const PlyOptions& options = {});
+
+/// Reads ASCII and binary PLY of either endianness. The header's counts are checked against the file's size before anything is
+/// allocated; values that are not finite are Errors. Elements other than `vertex` are skipped.
+Result<Cloud> read_ply(const std::filesystem::path& path);
+
+}  // namespace crosstie::base

@@ -1,0 +1,10 @@
+# Foreign libraries, all from Debian bookworm. crosstieConfig.cmake.in finds the same ones for those who link the installed modules.
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(Ceres 2.1 REQUIRED)
+find_package(opengv REQUIRED)
+find_package(fmt 9 REQUIRED)
+find_package(nlohmann_json 3.11 REQUIRED)
+find_package(OpenSSL REQUIRED COMPONENTS Crypto)
+find_package(exiv2 REQUIRED)
+find_package(OpenCVModules REQUIRED COMPONENTS core imgproc imgcodecs calib3d)
