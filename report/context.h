@@ -1,0 +1,17 @@
+#pragma once
+
+#include <string>
+
+#include "base/result_document.h"
+
+namespace crosstie::report {
+
+/// What a report says besides the result itself. All strings are plain UTF-8 text; the reports escape them.
+struct ReportContext {
+  std::string title;              ///< heading of the page: "Bundle adjustment"
+  std::string job;                ///< the job's name; may be empty
+  base::ResultEnvelope envelope;  ///< verdicts, inputs with their hashes, warnings of the verb
+  std::string options_json;       ///< the effective options, as JSON text; may be empty
+};
+
+}  // namespace crosstie::report
