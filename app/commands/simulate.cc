@@ -1,0 +1,56 @@
+// crosstie simulate: a scene -> a job folder made by the digital twin, with truth
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include "app/verb.h"
+#include "fixtures/scene.h"
+#include "fixtures/simulate.h"
+
+namespace crosstie::app {
+namespace {
+
+using base::ErrorCode;
+using base::Result;
+
+Result<fixtures::Scene> scene_of(const std::string& word) {
+  if (std::filesystem::path(word).extension() == ".toml") return fixtures::read_scene(word);
+  return fixtures::scene_from_name(word);
+}
+
+Result<Outcome> run(const Arguments& arguments, Session& session) {
+  const auto scene = scene_of(*arguments.get("--scene"));
+  if (!scene) return tl::unexpected(scene.error());
+  const auto seed = arguments.integer("--seed");
+  if (!seed) return tl::unexpected(seed.error());
+  if (*seed && **seed < 0) return base::fail(ErrorCode::kUsage, "--seed must not be negative");
+  const std::filesystem::path job = *arguments.get("--out");
+  std::error_code ignored;
+  if (std::filesystem::exists(job / "job.toml", ignored)) {
+    return base::fail(ErrorCode::kUsage,
+                      fmt::format("{} is there already; name another folder or remove it", (job / "job.toml").string()));
+  }
+  fixtures::SimulateOptions options;
+  options.seed = static_cast<std::uint64_t>(seed->value_or(1));
+  options.threads = session.threads();
+  if (auto done = fixtures::simulate(*scene, job, options, session.progress()); !done) return tl::unexpected(done.error());
+  session.print((job / "job.toml").string());
+  return Outcome::kOk;
+}
+
+}  // namespace
+
+Verb simulate_verb() {
+  return {"simulate",
+          "photograph a scene with the digital twin: a job folder with its truth beside it",
+          "  $ crosstie simulate --scene cross --seed 1 --out rehearsal\n"
+          "  rehearsal/job.toml",
+          {{"--scene", "SCENE",
+            fmt::format("a built-in scene ({}) or a scene description, FILE.toml", fmt::join(fixtures::scene_names(), ", ")),
+            true, false},
+           {"--seed", "N", "seed of all noise (default 1)", false, false},
+           {"--out", "JOB", "job folder to make; may exist, without a job.toml", true, false}},
+          run};
+}
+
+}  // namespace crosstie::app

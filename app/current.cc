@@ -1,0 +1,54 @@
+#include "app/current.h"
+
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+#include "base/json_file.h"
+#include "base/version.h"
+
+namespace crosstie::app {
+
+using base::Result;
+using nlohmann::ordered_json;
+
+Result<base::ResultInput> hashed_input(const std::filesystem::path& path, const std::filesystem::path& folder) {
+  auto hash = base::sha256_of_file(path);
+  if (!hash) return base::fail(std::move(hash));
+  std::error_code ignored;
+  std::filesystem::path relative = std::filesystem::proximate(path, folder, ignored);
+  return base::ResultInput{(ignored ? path : relative).generic_string(), std::move(*hash)};
+}
+
+ordered_json earlier_result(const std::filesystem::path& folder, const ordered_json& options) {
+  const auto result = base::read_json(folder / "result.json");
+  if (!result || !result->is_object()) return nullptr;
+  const auto version = result->find("version");
+  const auto made_with = result->find("options");
+  if (version == result->end() || made_with == result->end()) return nullptr;
+  if (*version != base::version() || *made_with != options) return nullptr;
+  return *result;
+}
+
+Outcome outcome_of(const ordered_json& result) {
+  if (!result.is_object() || !result.contains("verdicts")) return Outcome::kOk;
+  for (const ordered_json& verdict : result["verdicts"]) {
+    if (verdict.is_object() && verdict.value("level", "") == base::verdict_level_name(base::VerdictLevel::kFail))
+      return Outcome::kVerdictFailed;
+  }
+  return Outcome::kOk;
+}
+
+bool same_inputs(const ordered_json& result, const std::vector<base::ResultInput>& inputs) {
+  if (!result.is_object() || !result.contains("inputs") || !result["inputs"].is_array()) return false;
+  const ordered_json& recorded = result["inputs"];
+  if (recorded.size() != inputs.size()) return false;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    if (!recorded[i].is_object() || recorded[i].value("path", "") != inputs[i].path ||
+        recorded[i].value("sha256", "") != inputs[i].sha256) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace crosstie::app

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "app/verb.h"
+#include "base/result.h"
+#include "base/result_document.h"
+
+namespace crosstie::app {
+
+/// Path relative to `folder`, with forward slashes, and the file's hash.
+base::Result<base::ResultInput> hashed_input(const std::filesystem::path& path, const std::filesystem::path& folder);
+
+/// The result of a verb as it stands in a folder, where it was made by this version with these options; null otherwise (also
+/// where it is missing or damaged: then it is computed again).
+nlohmann::ordered_json earlier_result(const std::filesystem::path& folder, const nlohmann::ordered_json& options);
+
+/// kVerdictFailed where a verdict of the result is a FAIL.
+Outcome outcome_of(const nlohmann::ordered_json& result);
+
+/// Whether a result was computed from exactly these inputs.
+bool same_inputs(const nlohmann::ordered_json& result, const std::vector<base::ResultInput>& inputs);
+
+}  // namespace crosstie::app

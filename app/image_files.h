@@ -1,0 +1,28 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+
+namespace crosstie::app {
+
+/// A photograph of a job.
+struct ImageFile {
+  std::string name;  ///< unique in the job: the file's stem, or camera/stem where two cameras' files are named alike
+  std::string camera;
+  std::filesystem::path path;
+};
+
+/// The image files that a pattern names: `*` and `?` in the file's name, sorted by name. A pattern without an ending takes the
+/// known image types only. No match is a kBadInput Error.
+base::Result<std::vector<std::filesystem::path>> match_files(const std::filesystem::path& pattern);
+
+/// Names the files; sorted by name. The same file twice is a kBadInput Error.
+base::Result<std::vector<ImageFile>> name_images(std::vector<ImageFile> files);
+
+/// Whether a file name fits a pattern of `*` and `?`.
+bool fits_pattern(std::string_view name, std::string_view pattern);
+
+}  // namespace crosstie::app

@@ -1,0 +1,67 @@
+// One executable: a table of verbs (app/verb.cc), one file each in app/commands.
+
+#include <csignal>
+#include <ctime>
+#include <exception>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <fmt/core.h>
+
+#include "app/command_line.h"
+#include "app/session.h"
+#include "app/verb.h"
+
+namespace {
+
+using crosstie::app::Invocation;
+
+/// Turns Ctrl-C and SIGTERM into a stop request: the signals are blocked in every thread and waited for in this one.
+class SignalWatch {
+ public:
+  SignalWatch() {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGINT);
+    sigaddset(&signals_, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);
+    watcher_ = std::jthread([this](const std::stop_token& done) {
+      constexpr timespec kPoll{0, 50'000'000};
+      while (!done.stop_requested()) {
+        if (sigtimedwait(&signals_, nullptr, &kPoll) > 0) source_.request_stop();
+      }
+    });
+  }
+  [[nodiscard]] std::stop_token token() const { return source_.get_token(); }
+
+ private:
+  sigset_t signals_{};
+  std::stop_source source_;
+  std::jthread watcher_;
+};
+
+int fail(const crosstie::base::Error& error) {
+  fmt::print(stderr, "crosstie: {}\n", error.message);
+  return static_cast<int>(error.code);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  auto invocation = crosstie::app::parse_command_line(words, crosstie::app::verbs());
+  if (!invocation) return fail(invocation.error());
+  if (invocation->verb == nullptr) {
+    fmt::print("{}", invocation->text);
+    return 0;
+  }
+  const SignalWatch signals;
+  crosstie::app::Session session(invocation->quiet, invocation->threads, signals.token());
+  try {
+    const auto outcome = invocation->verb->run(invocation->arguments, session);
+    return outcome ? static_cast<int>(*outcome) : fail(outcome.error());
+  } catch (const std::exception& error) {
+    return fail({crosstie::base::ErrorCode::kInternal, fmt::format("a defect of crosstie: {}", error.what())});
+  }
+}

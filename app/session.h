@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdio>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+#include "base/progress.h"
+
+namespace crosstie::app {
+
+/// What a verb talks through: results on stdout, everything else on stderr, progress bars on a terminal only.
+class Session {
+ public:
+  Session(bool quiet, int threads, std::stop_token stop);
+
+  /// Reports to the terminal and stops on Ctrl-C.
+  [[nodiscard]] base::Progress progress();
+  [[nodiscard]] int threads() const { return threads_; }
+
+  /// A line of the result, on stdout.
+  void print(std::string_view line);
+  /// A line of talk, on stderr; not with --quiet.
+  void say(std::string_view line);
+
+ private:
+  void draw_bar(std::string_view stage, std::size_t done, std::size_t total);
+  void clear_bar();
+
+  bool quiet_;
+  int threads_;
+  bool terminal_;
+  bool bar_drawn_ = false;
+  std::stop_token stop_;
+  std::mutex mutex_;
+};
+
+}  // namespace crosstie::app

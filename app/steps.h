@@ -1,0 +1,67 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "app/image_files.h"
+#include "app/job.h"
+#include "app/session.h"
+#include "app/verb.h"
+#include "base/observation.h"
+#include "base/point_list.h"
+#include "base/result.h"
+#include "base/verdict.h"
+#include "markers/detect.h"
+#include "markers/family.h"
+
+namespace crosstie::app {
+
+/// What a step did.
+struct StepOutcome {
+  std::filesystem::path folder;
+  std::string summary;   ///< one line for people
+  bool current = false;  ///< nothing had changed since the last time: nothing was computed
+  Outcome outcome = Outcome::kOk;
+};
+
+/// What the detection works on.
+struct DetectionTask {
+  std::vector<ImageFile> images;               ///< sorted by name
+  std::map<std::string, double> white_levels;  ///< by camera, where not the file format's
+  markers::MarkerFamily family;
+  markers::DetectOptions options;
+  std::filesystem::path base_folder;  ///< paths in the result are relative to it
+  std::string title;
+};
+
+/// The detection that a job asks for.
+base::Result<DetectionTask> detection_task(const Job& job);
+
+/// images -> observations. Images that have not changed since the result in `out` was written are not looked at again.
+base::Result<StepOutcome> detect_step(const DetectionTask& task, const std::filesystem::path& out, bool timings,
+                                      Session& session);
+
+/// observations in `detection` -> network coordinates.
+base::Result<StepOutcome> adjust_step(const Job& job, const std::filesystem::path& detection, const std::filesystem::path& out,
+                                      Session& session);
+
+/// What is compared with what.
+struct VerificationTask {
+  std::filesystem::path measured;   ///< a point list or an adjust result.json
+  std::filesystem::path reference;  ///< a point list
+  std::string reference_unit;       ///< empty: the file says
+  std::filesystem::path base_folder;
+  std::string title;
+  std::string fit = "rigid";
+  std::vector<std::pair<int, int>> not_tested;  ///< distances that define the scale
+  JobLimits limits;
+};
+
+/// The verification that a job asks for, of the adjustment in `adjustment`.
+base::Result<VerificationTask> verification_task(const Job& job, const std::filesystem::path& adjustment);
+
+/// coordinates and reference -> deviations.
+base::Result<StepOutcome> verify_step(const VerificationTask& task, const std::filesystem::path& out, Session& session);
+
+}  // namespace crosstie::app

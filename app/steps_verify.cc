@@ -1,0 +1,137 @@
+// coordinates and reference -> deviations
+
+#include <algorithm>
+
+#include <fmt/core.h>
+#include <nlohmann/json.hpp>
+
+#include "app/current.h"
+#include "app/result_folder.h"
+#include "app/steps.h"
+#include "app/verdicts.h"
+#include "base/file.h"
+#include "base/json_file.h"
+#include "base/npy.h"
+#include "base/point_list.h"
+#include "base/result_document.h"
+#include "report/tables.h"
+#include "report/verification_report.h"
+#include "verify/compare.h"
+
+namespace crosstie::app {
+namespace {
+
+namespace fs = std::filesystem;
+using base::ErrorCode;
+using base::Result;
+using nlohmann::ordered_json;
+
+constexpr const char* kAdjustInput = "results/adjust/result.json";
+
+bool is_result(const fs::path& path) { return path.extension() == ".json"; }
+
+Result<base::PointList> measured_points(const fs::path& path) {
+  return is_result(path) ? base::points_from_network_json(path) : base::read_point_list(path);
+}
+
+Result<verify::CompareOptions> compare_options(const VerificationTask& task) {
+  verify::CompareOptions options;
+  if (task.fit == "similarity") {
+    options.fit = verify::Fit::kSimilarity;
+  } else if (task.fit == "none") {
+    options.fit = verify::Fit::kNone;
+  } else if (task.fit != "rigid") {
+    return base::fail(ErrorCode::kUsage, fmt::format("--fit is rigid, similarity or none, not '{}'", task.fit));
+  }
+  options.mpe.a_mm = task.limits.length_mpe_a_mm.value_or(options.mpe.a_mm);
+  options.mpe.k = task.limits.length_mpe_k.value_or(options.mpe.k);
+  options.defining_lengths = task.not_tested;
+  return options;
+}
+
+ordered_json effective_options(const VerificationTask& task, const verify::CompareOptions& options) {
+  ordered_json json = {{"fit", task.fit}, {"length_mpe_a_mm", options.mpe.a_mm}, {"length_mpe_k", options.mpe.k}};
+  json["defining_lengths"] = ordered_json::array();
+  for (const auto& [a, b] : options.defining_lengths) json["defining_lengths"].push_back({a, b});
+  if (task.limits.deviation_rms_mm) json["deviation_rms_mm"] = *task.limits.deviation_rms_mm;
+  if (task.limits.deviation_max_mm) json["deviation_max_mm"] = *task.limits.deviation_max_mm;
+  return json;
+}
+
+/// The points' own block of an adjustment's full covariance; empty where the result has none beside it.
+Eigen::MatrixXd point_covariance(const fs::path& result, std::size_t point_count) {
+  const auto full = base::read_npy(result.parent_path() / "covariance.npy");
+  const auto size = static_cast<Eigen::Index>(3 * point_count);
+  if (!full || full->rows() < size) return {};
+  return full->bottomRightCorner(size, size);
+}
+
+}  // namespace
+
+Result<VerificationTask> verification_task(const Job& job, const fs::path& adjustment) {
+  if (!job.reference_points) {
+    return base::fail(ErrorCode::kBadInput,
+                      fmt::format("{}: the job has no [reference] points to verify against", job.file.string()));
+  }
+  VerificationTask task;
+  task.measured = adjustment / "result.json";
+  task.reference = job.resolve(*job.reference_points);
+  task.reference_unit = job.reference_unit;
+  task.base_folder = job.folder;
+  task.title = job.name;
+  task.limits = job.limits;
+  if (job.network && job.network->scale_from) task.not_tested.push_back(*job.network->scale_from);
+  return task;
+}
+
+Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& out, Session& session) {
+  auto options = compare_options(task);
+  if (!options) return base::fail(std::move(options));
+  const ordered_json options_json = effective_options(task, *options);
+
+  auto measured_input = hashed_input(task.measured, task.base_folder);
+  if (!measured_input) return base::fail(std::move(measured_input));
+  if (is_result(task.measured)) measured_input->path = kAdjustInput;  // by its place in the job, wherever --out puts it
+  auto reference_input = hashed_input(task.reference, task.base_folder);
+  if (!reference_input) return base::fail(std::move(reference_input));
+  std::vector<base::ResultInput> inputs = {std::move(*measured_input), std::move(*reference_input)};
+  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
+  const ordered_json earlier = earlier_result(out, options_json);
+  if (same_inputs(earlier, inputs)) {
+    return StepOutcome{out, "up to date", true, outcome_of(earlier)};
+  }
+
+  auto folder = ResultFolder::begin(out);
+  if (!folder) return base::fail(std::move(folder));
+  const auto measured = measured_points(task.measured);
+  if (!measured) return tl::unexpected(measured.error());
+  const auto reference = base::read_point_list(task.reference, {task.reference_unit});
+  if (!reference) return tl::unexpected(reference.error());
+  if (is_result(task.measured)) options->measured_cov_mm2 = point_covariance(task.measured, measured->points.size());
+  const auto verification = verify::compare(*measured, *reference, *options);
+  if (!verification) {
+    return base::fail(verification.error().code, fmt::format("{} against {}: {}", task.measured.string(),
+                                                             task.reference.string(), verification.error().message));
+  }
+  session.progress()("verify", 1, 1);
+
+  const base::ResultEnvelope envelope{"verify", "reference", inputs, judge(*verification, task.limits), verification->warnings};
+  if (auto written = report::write_verification_tables(folder->path(), *verification); !written)
+    return base::fail(std::move(written));
+  const std::string html = report::verification_report(
+      *verification, {"Verification against reference points", task.title, envelope, options_json.dump(2)});
+  if (auto written = base::write_file_atomically(folder->path() / "report.html", html); !written)
+    return base::fail(std::move(written));
+  const ordered_json result = base::result_json(envelope, options_json, base::verification_json(*verification));
+  if (auto written = base::write_json(folder->path() / "result.json", result); !written) return base::fail(std::move(written));
+  if (auto committed = folder->commit(); !committed) return base::fail(std::move(committed));
+  const auto used =
+      std::count_if(verification->points.begin(), verification->points.end(), [](const auto& point) { return point.used; });
+  return StepOutcome{
+      out,
+      fmt::format("{} points, RMS {:.4f} {:.4f} {:.4f} mm (x y z), deviation over predicted sigma {:.2f}", used,
+                  verification->rms_mm.x(), verification->rms_mm.y(), verification->rms_mm.z(), verification->normalised_rms),
+      false, outcome_of(envelope.verdicts)};
+}
+
+}  // namespace crosstie::app

@@ -1,0 +1,46 @@
+#include "app/verb.h"
+
+#include <fmt/core.h>
+
+#include "base/text.h"
+
+namespace crosstie::app {
+
+using base::ErrorCode;
+using base::Result;
+
+std::optional<std::string> Arguments::get(const std::string& name) const {
+  const auto found = values_.find(name);
+  if (found == values_.end()) return std::nullopt;
+  return found->second.back();
+}
+
+std::vector<std::string> Arguments::all(const std::string& name) const {
+  const auto found = values_.find(name);
+  return found == values_.end() ? std::vector<std::string>{} : found->second;
+}
+
+Result<std::optional<double>> Arguments::number(const std::string& name) const {
+  const auto text = get(name);
+  if (!text) return std::nullopt;
+  const auto value = base::parse_double(*text);
+  if (!value) return base::fail(ErrorCode::kUsage, fmt::format("{} takes a number, not '{}'", name, *text));
+  return value;
+}
+
+Result<std::optional<long>> Arguments::integer(const std::string& name) const {
+  const auto text = get(name);
+  if (!text) return std::nullopt;
+  const auto value = base::parse_int(*text);
+  if (!value) return base::fail(ErrorCode::kUsage, fmt::format("{} takes a whole number, not '{}'", name, *text));
+  return static_cast<long>(*value);
+}
+
+const std::vector<Verb>& verbs() {
+  static const std::vector<Verb> table = {
+      init_verb(), targets_verb(), detect_verb(), adjust_verb(), verify_verb(), run_verb(), simulate_verb(),
+  };
+  return table;
+}
+
+}  // namespace crosstie::app

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "app/session.h"
+#include "base/result.h"
+
+namespace crosstie::app {
+
+/// An option of a verb as data, from which the parser, `--help` and docs/cli.md are made.
+struct Option {
+  std::string name;   ///< "--family", or "JOB" for a positional argument
+  std::string value;  ///< name of the value in the help: "FAMILY", "MM"; empty for a switch
+  std::string help;   ///< effect, unit and default
+  bool required = false;
+  bool repeated = false;  ///< may be given several times (a positional one: takes all that follow)
+};
+
+/// What the user gave.
+class Arguments {
+ public:
+  void add(const std::string& name, std::string value) { values_[name].push_back(std::move(value)); }
+
+  [[nodiscard]] bool has(const std::string& name) const { return values_.contains(name); }
+  /// The value given last.
+  [[nodiscard]] std::optional<std::string> get(const std::string& name) const;
+  [[nodiscard]] std::vector<std::string> all(const std::string& name) const;
+  /// A kUsage Error where the value is not a number; nothing where the option was not given.
+  [[nodiscard]] base::Result<std::optional<double>> number(const std::string& name) const;
+  [[nodiscard]] base::Result<std::optional<long>> integer(const std::string& name) const;
+
+ private:
+  std::map<std::string, std::vector<std::string>> values_;
+};
+
+/// How a verb ended when it did not fail: kVerdictFailed means that there is a result, but it does not keep a limit.
+enum class Outcome { kOk = 0, kVerdictFailed = 1 };
+
+/// One word of the command line.
+struct Verb {
+  std::string name;
+  std::string summary;
+  std::string example;  ///< a real session, shown by --help
+  std::vector<Option> options;
+  base::Result<Outcome> (*run)(const Arguments&, Session&) = nullptr;
+};
+
+/// The table of verbs, in the order of the work they do.
+[[nodiscard]] const std::vector<Verb>& verbs();
+
+Verb init_verb();
+Verb detect_verb();
+Verb adjust_verb();
+Verb verify_verb();
+Verb run_verb();
+Verb simulate_verb();
+Verb targets_verb();
+
+}  // namespace crosstie::app

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <vector>
+
+#include "app/job.h"
+#include "app/verb.h"
+#include "base/network.h"
+#include "base/verdict.h"
+#include "base/verification.h"
+
+namespace crosstie::app {
+
+/// Values of an adjustment held against the job's limits.
+std::vector<base::Verdict> judge(const base::AdjustedNetwork& network, const JobLimits& limits);
+/// Values of a verification held against the job's limits.
+std::vector<base::Verdict> judge(const base::Verification& verification, const JobLimits& limits);
+
+/// kVerdictFailed where one of them is a FAIL.
+Outcome outcome_of(const std::vector<base::Verdict>& verdicts);
+
+}  // namespace crosstie::app
