@@ -11,7 +11,8 @@ namespace crosstie::base {
 /// image_width, image_height, as calibrateCamera's sample writes them).
 Result<Camera> read_camera(const std::filesystem::path& path);
 
-/// Writes mrcal's `.cameramodel` with 17 significant digits (mrcal 2.2's own writer keeps six decimals) and identity extrinsics.
+/// Writes mrcal's `.cameramodel` with 17 significant digits (mrcal 2.2's own writer keeps six decimals) and identity
+/// extrinsics.
 Result<> write_cameramodel(const std::filesystem::path& path, const Camera& camera);
 
 /// Writes OpenCV's YAML with 17 significant digits.

@@ -13,7 +13,8 @@ struct CloudField {
   std::vector<double> values;
 };
 
-/// Points in mm in a named frame, with optional normals, covariances and scalar fields; every list is empty or as long as `points`.
+/// Points in mm in a named frame, with optional normals, covariances and scalar fields; every list is empty or as long as
+/// `points`.
 struct Cloud {
   std::string frame;  ///< "network", "rig", "machine", ...
   std::vector<Eigen::Vector3d> points;

@@ -18,7 +18,7 @@ namespace crosstie::base {
 /// A camera as it enters an adjustment.
 struct NetworkCamera {
   std::string name;
-  Camera camera;        ///< start values; where its covariance is known, it is the prior of the parameters
+  Camera camera;         ///< start values; where its covariance is known, it is the prior of the parameters
   bool estimate = true;  ///< false: the parameters are taken as they are
 };
 
@@ -43,20 +43,20 @@ struct AdjustedObservation {
   int image = 0;  ///< index into AdjustedNetwork::images
   int point = 0;  ///< index into AdjustedNetwork::points
   Eigen::Vector2d measured_px = Eigen::Vector2d::Zero();
-  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();    ///< adjusted minus measured
-  Eigen::Vector2d sigma_px = Eigen::Vector2d::Zero();       ///< a priori, of x and y
-  Eigen::Vector2d redundancy = Eigen::Vector2d::Zero();     ///< numbers of x and y, 0 (uncontrolled) to 1
+  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();  ///< adjusted minus measured
+  Eigen::Vector2d sigma_px = Eigen::Vector2d::Zero();     ///< a priori, of x and y
+  Eigen::Vector2d redundancy = Eigen::Vector2d::Zero();   ///< numbers of x and y, 0 (uncontrolled) to 1
   double w = 0.0;  ///< of both coordinates: sqrt(v' Qvv^-1 v / 2) over the a priori sigma; near 1 where the sigmas are true
 };
 
 struct AdjustedPoint {
   int id = 0;
-  std::string kind = "coded";  ///< coded, uncoded, sphere
+  std::string kind = "coded";                        ///< coded, uncoded, sphere
   Eigen::Vector3d xyz_mm = Eigen::Vector3d::Zero();  ///< in network
   Eigen::Matrix3d cov_mm2 = Eigen::Matrix3d::Zero();
   int rays = 0;
-  double angle_rad = 0.0;   ///< largest angle between two of its rays
-  double rms_px = 0.0;      ///< sqrt(sum |e|^2 / rays)
+  double angle_rad = 0.0;  ///< largest angle between two of its rays
+  double rms_px = 0.0;     ///< sqrt(sum |e|^2 / rays)
   double max_w = 0.0;
 };
 
@@ -84,16 +84,16 @@ struct AdjustedScaleBar {
 
 /// The outcome of an adjustment. Covariances are a posteriori (multiplied by sigma0^2) in the stated datum.
 struct AdjustedNetwork {
-  std::string datum;        ///< "inner constraints", ...
-  std::string scale;        ///< where the scale comes from: "scale bars", "defined by 11-52", "free"
-  double sigma0 = 0.0;      ///< a posteriori over a priori, without unit
-  double sigma0_px = 0.0;   ///< a posteriori sigma of one image coordinate of unit weight
-  double rms_px = 0.0;      ///< sqrt(sum |e|^2 / image points)
-  int observations = 0;     ///< n: scalar observations that took part
-  int unknowns = 0;         ///< u
-  int conditions = 0;       ///< of the datum
-  int redundancy = 0;       ///< n - u + conditions
-  double chi2_p = 0.0;      ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
+  std::string datum;       ///< "inner constraints", ...
+  std::string scale;       ///< where the scale comes from: "scale bars", "defined by 11-52", "free"
+  double sigma0 = 0.0;     ///< a posteriori over a priori, without unit
+  double sigma0_px = 0.0;  ///< a posteriori sigma of one image coordinate of unit weight
+  double rms_px = 0.0;     ///< sqrt(sum |e|^2 / image points)
+  int observations = 0;    ///< n: scalar observations that took part
+  int unknowns = 0;        ///< u
+  int conditions = 0;      ///< of the datum
+  int redundancy = 0;      ///< n - u + conditions
+  double chi2_p = 0.0;     ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
   int iterations = 0;
   std::vector<AdjustedCamera> cameras;  ///< sorted by name, as all lists by name or id
   std::vector<AdjustedImage> images;

@@ -30,7 +30,7 @@ struct Observation {
   double semi_major_px = 0.0;
   double semi_minor_px = 0.0;
   double angle_rad = 0.0;  ///< of the major axis, from x towards y (clockwise as seen), in (-pi/2, pi/2]
-  double margin = 0.0;     ///< how far the worst segment lies from the decision level: 0 undecided, 1 as white or black as can be
+  double margin = 0.0;  ///< how far the worst segment lies from the decision level: 0 undecided, 1 as white or black as can be
   ObservationStatus status = ObservationStatus::kUncoded;
 };
 
@@ -41,9 +41,9 @@ struct ImageObservations {
   std::string family;  ///< marker family: "ring10", "aicon14", ...
   int width_px = 0;
   int height_px = 0;
-  double saturated_fraction = 0.0;  ///< of all pixels
-  double dark_fraction = 0.0;       ///< of all pixels
-  double millis = 0.0;              ///< time it took; never part of a result that is compared
+  double saturated_fraction = 0.0;        ///< of all pixels
+  double dark_fraction = 0.0;             ///< of all pixels
+  double millis = 0.0;                    ///< time it took; never part of a result that is compared
   std::vector<Observation> observations;  ///< sorted by status, id, y, x
 };
 

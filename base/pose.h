@@ -21,9 +21,7 @@ struct Pose {
   Eigen::Vector3d translation_mm = Eigen::Vector3d::Zero();
 
   /// a_from_b * p_in_b = p_in_a.
-  [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& p_in_b) const {
-    return rotation * p_in_b + translation_mm;
-  }
+  [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& p_in_b) const { return rotation * p_in_b + translation_mm; }
   /// a_from_b * b_from_c = a_from_c.
   [[nodiscard]] Pose operator*(const Pose& b_from_c) const {
     return {(rotation * b_from_c.rotation).normalized(), *this * b_from_c.translation_mm};

@@ -9,13 +9,13 @@ namespace crosstie::base {
 
 /// Why an operation gave no answer. The values are the exit codes of the command line (docs/cli.md).
 enum class ErrorCode {
-  kUsage = 2,              ///< the call itself is wrong: unknown option, contradictory options
-  kBadInput = 3,           ///< a file or a measurement is damaged, inconsistent or out of its domain
-  kNoUniqueSolution = 4,   ///< the observations do not determine what was asked for
-  kFileSystem = 5,         ///< a file cannot be opened, read, written or renamed
-  kDevice = 6,             ///< a camera, projector or axis did not answer
-  kInternal = 70,          ///< a defect of crosstie or of a library it calls
-  kCancelled = 130,        ///< stopped by the caller
+  kUsage = 2,             ///< the call itself is wrong: unknown option, contradictory options
+  kBadInput = 3,          ///< a file or a measurement is damaged, inconsistent or out of its domain
+  kNoUniqueSolution = 4,  ///< the observations do not determine what was asked for
+  kFileSystem = 5,        ///< a file cannot be opened, read, written or renamed
+  kDevice = 6,            ///< a camera, projector or axis did not answer
+  kInternal = 70,         ///< a defect of crosstie or of a library it calls
+  kCancelled = 130,       ///< stopped by the caller
 };
 
 /// What went wrong, where (file:line, image or id), why, and what to do about it, in one sentence or two.

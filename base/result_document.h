@@ -6,8 +6,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "base/observation.h"
 #include "base/network.h"
+#include "base/observation.h"
 #include "base/result.h"
 #include "base/verdict.h"
 #include "base/verification.h"

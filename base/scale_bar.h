@@ -14,17 +14,15 @@ enum class ScaleBarRole {
 struct ScaleBar {
   int id_a = 0;
   int id_b = 0;
-  double length_mm = 0.0;        ///< at 20 degrees C
-  double sigma_mm = 0.0;         ///< of length_mm; 0 only for kDefines and kCheck
-  double temperature_c = 20.0;   ///< at which it was photographed
-  double cte_per_k = 0.0;        ///< coefficient of thermal expansion
+  double length_mm = 0.0;       ///< at 20 degrees C
+  double sigma_mm = 0.0;        ///< of length_mm; 0 only for kDefines and kCheck
+  double temperature_c = 20.0;  ///< at which it was photographed
+  double cte_per_k = 0.0;       ///< coefficient of thermal expansion
   ScaleBarRole role = ScaleBarRole::kUsed;
   std::string certificate;
 
   /// Length at the measured temperature.
-  [[nodiscard]] double length_at_temperature_mm() const {
-    return length_mm * (1.0 + cte_per_k * (temperature_c - 20.0));
-  }
+  [[nodiscard]] double length_at_temperature_mm() const { return length_mm * (1.0 + cte_per_k * (temperature_c - 20.0)); }
 };
 
 }  // namespace crosstie::base

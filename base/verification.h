@@ -15,11 +15,11 @@ namespace crosstie::base {
 struct Deviation {
   int id = 0;
   Eigen::Vector3d reference_mm = Eigen::Vector3d::Zero();
-  Eigen::Vector3d measured_mm = Eigen::Vector3d::Zero();     ///< transformed into the reference's frame
-  Eigen::Vector3d deviation_mm = Eigen::Vector3d::Zero();    ///< measured - reference after the fit
+  Eigen::Vector3d measured_mm = Eigen::Vector3d::Zero();       ///< transformed into the reference's frame
+  Eigen::Vector3d deviation_mm = Eigen::Vector3d::Zero();      ///< measured - reference after the fit
   Eigen::Vector3d untransformed_mm = Eigen::Vector3d::Zero();  ///< measured - reference as they stand
-  Eigen::Vector3d sigma_mm = Eigen::Vector3d::Zero();        ///< predicted, of both sides where given; 0 where neither gives any
-  bool used = true;                                          ///< in the fit
+  Eigen::Vector3d sigma_mm = Eigen::Vector3d::Zero();  ///< predicted, of both sides where given; 0 where neither gives any
+  bool used = true;                                    ///< in the fit
 };
 
 /// A distance between two points that did not serve to define the scale.
@@ -34,19 +34,19 @@ struct LengthDeviation {
 
 /// Results against a reference: a rigid best fit, deviations per axis, test lengths.
 struct Verification {
-  std::string fit = "rigid";         ///< "rigid" (6), "similarity" (7), "none" (0 degrees of freedom)
+  std::string fit = "rigid";  ///< "rigid" (6), "similarity" (7), "none" (0 degrees of freedom)
   Pose reference_from_measured;
   Matrix6d pose_cov = Matrix6d::Zero();
-  double scale_ppm = 0.0;            ///< (scale - 1) * 1e6 of a similarity fit: a check where `fit` is rigid
+  double scale_ppm = 0.0;  ///< (scale - 1) * 1e6 of a similarity fit: a check where `fit` is rigid
   double scale_sigma_ppm = 0.0;
-  std::vector<Deviation> points;     ///< sorted by id
+  std::vector<Deviation> points;  ///< sorted by id
   std::vector<LengthDeviation> lengths;
-  std::vector<int> only_measured;    ///< ids without a partner
+  std::vector<int> only_measured;  ///< ids without a partner
   std::vector<int> only_reference;
   Eigen::Vector3d rms_mm = Eigen::Vector3d::Zero();  ///< per axis, over the used points
   double rms3d_mm = 0.0;
-  double max_mm = 0.0;               ///< largest 3D deviation
-  double normalised_rms = 0.0;       ///< per coordinate: deviation over predicted sigma; 0 where no sigma is known
+  double max_mm = 0.0;          ///< largest 3D deviation
+  double normalised_rms = 0.0;  ///< per coordinate: deviation over predicted sigma; 0 where no sigma is known
   double length_rms_mm = 0.0;
   double length_max_mm = 0.0;
   std::vector<Warning> warnings;

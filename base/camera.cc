@@ -1,0 +1,206 @@
+#include "base/camera.h"
+
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <string>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
+#include "base/detail/distortion.h"
+
+namespace crosstie::base {
+namespace {
+
+using detail::Distorted;
+using detail::Distortion;
+
+constexpr double kMaxTangent = 57.289961630759424;  // of 89 degrees
+constexpr double kUnprojectTolerance_px = 1e-9;
+
+struct ModelName {
+  LensModel model;
+  std::string_view name;
+};
+constexpr ModelName kModelNames[] = {{LensModel::kPinhole, "LENSMODEL_PINHOLE"},
+                                     {LensModel::kOpenCv4, "LENSMODEL_OPENCV4"},
+                                     {LensModel::kOpenCv5, "LENSMODEL_OPENCV5"},
+                                     {LensModel::kOpenCv8, "LENSMODEL_OPENCV8"},
+                                     {LensModel::kOpenCv12, "LENSMODEL_OPENCV12"}};
+constexpr std::array<std::string_view, kMaxLensParameters> kParameterNames = {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2",
+                                                                              "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"};
+
+Distortion distortion_of(LensModel model, const double* parameters) {
+  Distortion result{};
+  for (int i = 4; i < parameter_count(model); ++i) result[static_cast<std::size_t>(i - 4)] = parameters[i];
+  return result;
+}
+
+}  // namespace
+
+int parameter_count(LensModel model) {
+  switch (model) {
+    case LensModel::kPinhole:
+      return 4;
+    case LensModel::kOpenCv4:
+      return 8;
+    case LensModel::kOpenCv5:
+      return 9;
+    case LensModel::kOpenCv8:
+      return 12;
+    case LensModel::kOpenCv12:
+      return 16;
+  }
+  return 4;
+}
+
+std::string_view lens_model_name(LensModel model) {
+  for (const ModelName& entry : kModelNames) {
+    if (entry.model == model) return entry.name;
+  }
+  return "";
+}
+
+std::optional<LensModel> lens_model_from_name(std::string_view name) {
+  for (const ModelName& entry : kModelNames) {
+    if (entry.name == name) return entry.model;
+  }
+  return std::nullopt;
+}
+
+std::span<const std::string_view> parameter_names(LensModel model) {
+  return std::span(kParameterNames).first(static_cast<std::size_t>(parameter_count(model)));
+}
+
+bool project_bare(LensModel model, const double* parameters, const double* p_in_camera, double* pixel, double* d_point,
+                  double* d_parameters) {
+  const double z = p_in_camera[2];
+  if (!(z > 0.0)) return false;
+  const double inverse_z = 1.0 / z;
+  const double x = p_in_camera[0] * inverse_z;
+  const double y = p_in_camera[1] * inverse_z;
+  const double fx = parameters[0];
+  const double fy = parameters[1];
+
+  double by_x[detail::kMaxDistortion];
+  double by_y[detail::kMaxDistortion];
+  const bool by_parameters = d_parameters != nullptr;
+  const Distorted image =
+      detail::distort(distortion_of(model, parameters), x, y, by_parameters ? by_x : nullptr, by_parameters ? by_y : nullptr);
+  pixel[0] = fx * image.x + parameters[2];
+  pixel[1] = fy * image.y + parameters[3];
+
+  if (d_point != nullptr) {
+    d_point[0] = fx * image.dx_dx * inverse_z;
+    d_point[1] = fx * image.dx_dy * inverse_z;
+    d_point[2] = -(d_point[0] * x + d_point[1] * y);
+    d_point[3] = fy * image.dy_dx * inverse_z;
+    d_point[4] = fy * image.dy_dy * inverse_z;
+    d_point[5] = -(d_point[3] * x + d_point[4] * y);
+  }
+  if (by_parameters) {
+    const int count = parameter_count(model);
+    double* u = d_parameters;
+    double* v = d_parameters + count;
+    u[0] = image.x;
+    v[1] = image.y;
+    u[2] = v[3] = 1.0;
+    u[1] = u[3] = v[0] = v[2] = 0.0;
+    for (int i = 4; i < count; ++i) {
+      u[i] = fx * by_x[i - 4];
+      v[i] = fy * by_y[i - 4];
+    }
+  }
+  return true;
+}
+
+Result<Camera> Camera::make(LensModel model, int width_px, int height_px, Eigen::VectorXd parameters) {
+  if (width_px <= 0 || height_px <= 0) {
+    return fail(ErrorCode::kBadInput, fmt::format("a camera's image size of {} x {} px is not positive", width_px, height_px));
+  }
+  if (parameters.size() != parameter_count(model)) {
+    return fail(ErrorCode::kBadInput, fmt::format("{} has {} parameters, {} were given", lens_model_name(model),
+                                                  parameter_count(model), parameters.size()));
+  }
+  for (int i = 0; i < parameters.size(); ++i) {
+    const std::string_view name = kParameterNames[static_cast<std::size_t>(i)];
+    if (!std::isfinite(parameters[i])) return fail(ErrorCode::kBadInput, fmt::format("lens parameter {} is not finite", name));
+    if (i < 2 && !(parameters[i] > 0.0)) {
+      return fail(ErrorCode::kBadInput, fmt::format("focal length {} = {} px is not positive", name, parameters[i]));
+    }
+  }
+  Camera camera;
+  camera.model_ = model;
+  camera.width_px_ = width_px;
+  camera.height_px_ = height_px;
+  camera.valid_tangent_ = detail::first_fold(distortion_of(model, parameters.data()), kMaxTangent);
+  camera.parameters_ = std::move(parameters);
+  return camera;
+}
+
+Result<Camera> Camera::nominal(LensModel model, int width_px, int height_px, double focal_px) {
+  Eigen::VectorXd parameters = Eigen::VectorXd::Zero(parameter_count(model));
+  parameters.head<4>() << focal_px, focal_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1);
+  return make(model, width_px, height_px, std::move(parameters));
+}
+
+void Camera::set_covariance(Eigen::MatrixXd covariance) {
+  assert(covariance.size() == 0 || (covariance.rows() == parameters_.size() && covariance.cols() == parameters_.size()));
+  covariance_ = std::move(covariance);
+}
+
+std::optional<Eigen::Vector2d> Camera::project(const Eigen::Vector3d& p_in_camera, Eigen::Matrix<double, 2, 3>* d_point,
+                                               ProjectionParameterJacobian* d_parameters) const {
+  const double z = p_in_camera.z();
+  if (!(z > 0.0) || !(p_in_camera.head<2>().norm() < valid_tangent_ * z)) return std::nullopt;
+  if (d_parameters != nullptr) d_parameters->resize(2, parameters_.size());
+  Eigen::Vector2d pixel;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
+  project_bare(model_, parameters_.data(), p_in_camera.data(), pixel.data(), by_point.data(),
+               d_parameters != nullptr ? d_parameters->data() : nullptr);
+  // Tangential and prism terms can fold the image, too.
+  if (!pixel.allFinite() || !(by_point.leftCols<2>().determinant() > 0.0)) return std::nullopt;
+  if (d_point != nullptr) *d_point = by_point;
+  return pixel;
+}
+
+std::optional<Eigen::Vector3d> Camera::unproject(const Eigen::Vector2d& pixel) const {
+  if (!pixel.allFinite()) return std::nullopt;
+  const Distortion k = distortion_of(model_, parameters_.data());
+  const Eigen::Array2d focal = parameters_.head<2>();
+  const Eigen::Vector2d target = (pixel.array() - parameters_.segment<2>(2).array()) / focal;
+  const auto inside = [&](const Eigen::Vector2d& p) { return p.norm() < valid_tangent_; };
+
+  // Start on the same azimuth at the radius that the radial terms alone give.
+  Eigen::Vector2d p = target;
+  if (const double radius = target.norm(); radius > 0.0) {
+    p *= detail::undistorted_radius(k, radius, (1.0 - 1e-6) * valid_tangent_) / radius;
+  }
+  Distorted image = detail::distort(k, p.x(), p.y());
+  Eigen::Vector2d residual = Eigen::Vector2d(image.x, image.y) - target;
+  for (int iteration = 0; iteration < 100; ++iteration) {
+    const double determinant = image.determinant();
+    if (!(determinant > 0.0)) return std::nullopt;
+    const Eigen::Vector2d step(-(image.dy_dy * residual.x() - image.dx_dy * residual.y()) / determinant,
+                               -(image.dx_dx * residual.y() - image.dy_dx * residual.x()) / determinant);
+    bool improved = false;
+    for (double length = 1.0; length > 1e-6 && !improved; length *= 0.5) {
+      const Eigen::Vector2d next = p + length * step;
+      if (!inside(next)) continue;
+      const Distorted next_image = detail::distort(k, next.x(), next.y());
+      const Eigen::Vector2d next_residual = Eigen::Vector2d(next_image.x, next_image.y) - target;
+      if (next_image.determinant() > 0.0 && next_residual.norm() < residual.norm()) {
+        p = next;
+        image = next_image;
+        residual = next_residual;
+        improved = true;
+      }
+    }
+    if (!improved) break;  // at rounding, or at the edge of the domain: the residual tells which
+  }
+  if (!((residual.array() * focal).matrix().norm() <= kUnprojectTolerance_px)) return std::nullopt;
+  return Eigen::Vector3d(p.x(), p.y(), 1.0).normalized();
+}
+
+}  // namespace crosstie::base
