@@ -43,9 +43,15 @@ nlohmann::ordered_json verification_json(const Verification& verification);
 /// Points with covariances back from an `adjust` result.
 Result<PointList> points_from_network_json(const std::filesystem::path& result_json);
 
-/// observations.csv: image,family,id,x_px,y_px,cov_xx,cov_xy,cov_yy,a_px,b_px,angle_rad,margin,status.
+/// residuals.csv: image,id,x_px,y_px,residual_x_px,residual_y_px,sigma_x_px,sigma_y_px,redundancy_x,redundancy_y,w of every
+/// observation that took part.
+Result<> write_residuals(const std::filesystem::path& path, const AdjustedNetwork& network);
+
+/// observations.csv: image,family,id,x_px,y_px,cov_xx,cov_xy,cov_yy,a_px,b_px,angle_rad,margin,status; id -1 where there is
+/// none.
 Result<> write_observations(const std::filesystem::path& path, const std::vector<ImageObservations>& images);
-/// Reads it back; camera, size and exposure are not in the table and stay empty.
+/// Reads it back, images in the order of their first rows; camera, size and exposure are not in the table and stay empty, and
+/// an image without observations does not appear.
 Result<std::vector<ImageObservations>> read_observations(const std::filesystem::path& path);
 
 }  // namespace crosstie::base

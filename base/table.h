@@ -27,6 +27,8 @@ struct Table {
 /// Accepts a byte-order mark, CRLF, a missing last newline and quoted cells; `#` starts a comment. Rows whose number of cells
 /// differs from the header's are Errors with their line.
 Result<Table> read_table(const std::filesystem::path& path);
+/// The same for a text in memory; `path` is what error messages name.
+Result<Table> parse_table(const std::filesystem::path& path, std::string_view contents);
 
 /// Comma-separated, quoted where needed, LF, written atomically. Numbers go in as format_double() makes them.
 Result<> write_table(const std::filesystem::path& path, const Table& table);
