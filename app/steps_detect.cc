@@ -34,12 +34,17 @@ fs::path overlay_name(const ImageFile& file) {
 }
 
 ordered_json effective_options(const DetectionTask& task) {
+  const markers::DetectOptions& detect = task.options;
   ordered_json options = {
       {"family", task.family.name},
-      {"ids", task.options.ids},
-      {"min_dot_radius_px", task.options.min_dot_radius_px},
-      {"max_dot_radius_px", task.options.max_dot_radius_px},
-      {"min_margin", task.options.min_margin},
+      {"ids", detect.ids},
+      {"min_radius_px", detect.min_radius_px},
+      {"max_radius_px", detect.max_radius_px},
+      {"min_axis_ratio", detect.min_axis_ratio},
+      {"min_margin", detect.min_margin},
+      {"min_contrast", detect.min_contrast},
+      {"saturated_level", detect.saturated_level},
+      {"dark_level", detect.dark_level},
   };
   for (const auto& [camera, level] : task.white_levels) options["white_level"][camera] = level;
   return options;

@@ -13,13 +13,8 @@ namespace {
 using base::ErrorCode;
 using base::Result;
 
-Result<fixtures::Scene> scene_of(const std::string& word) {
-  if (std::filesystem::path(word).extension() == ".toml") return fixtures::read_scene(word);
-  return fixtures::scene_from_name(word);
-}
-
 Result<Outcome> run(const Arguments& arguments, Session& session) {
-  const auto scene = scene_of(*arguments.get("--scene"));
+  const auto scene = fixtures::find_scene(*arguments.get("--scene"));
   if (!scene) return tl::unexpected(scene.error());
   const auto seed = arguments.integer("--seed");
   if (!seed) return tl::unexpected(seed.error());

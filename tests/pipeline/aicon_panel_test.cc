@@ -1,0 +1,89 @@
+// Twenty real photographs of a panel with AICON 14-bit markers, against AICON's own coordinates of it.
+
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/json_file.h"
+#include "tests/support/measured_data.h"
+#include "tests/support/program.h"
+
+namespace crosstie {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+using tests::run_program;
+
+/// init and run on the photographs; with ids 72-74 (a hand-held tool that moves) left out or not.
+void measure_panel(const fs::path& data, const fs::path& job, bool without_tool) {
+  std::vector<std::string> words = {"init",
+                                    "--images",
+                                    data.string(),
+                                    "--camera",
+                                    "c043=043_*",
+                                    "--camera",
+                                    "c671=671_*",
+                                    "--family",
+                                    "aicon14",
+                                    "--reference",
+                                    (data / "Positions-3D-14bit_lookup.txt").string(),
+                                    "--scale-from",
+                                    "11,52",
+                                    "--focal-mm",
+                                    "24",
+                                    "--sensor-width-mm",
+                                    "23.5",
+                                    "--out",
+                                    job.string()};
+  if (without_tool) words.insert(words.end(), {"--exclude-ids", "72-74"});
+  const auto init = run_program(words);
+  ASSERT_EQ(init.exit_code, 0) << init.err;
+  const auto run = run_program({"run", job.string()});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+}
+
+TEST(AiconPanel, IsMeasuredAsWellAsAiconDid) {
+  const fs::path data = tests::measured_data("aicon-panel");
+  if (data.empty()) GTEST_SKIP() << "no aicon-panel in CROSSTIE_DATA";
+  const tests::TemporaryFolder folder;
+  measure_panel(data, folder / "job", true);
+  const ordered_json adjust = base::read_json(folder / "job/results/adjust/result.json").value();
+  const ordered_json verify = base::read_json(folder / "job/results/verify/result.json").value();
+
+  std::set<int> ids;
+  int rays = 0;
+  for (const ordered_json& point : adjust["points"]) {
+    ids.insert(point["id"].get<int>());
+    rays += point["rays"].get<int>();
+  }
+  EXPECT_EQ(ids.size(), 70U);
+  EXPECT_EQ(*ids.begin(), 2);
+  EXPECT_EQ(*ids.rbegin(), 71) << "a wrong id in the network";
+  EXPECT_GE(rays, 1015);
+  EXPECT_LE(adjust["rejected"].size(), 10U + 3U);  // 1 % of the correct ones, and those that are wrong
+  EXPECT_LE(adjust["sigma0_px"].get<double>(), 0.0155);
+  EXPECT_EQ(verify["count"], 70);
+  EXPECT_LE(verify["rms_mm"][0].get<double>(), 0.0060);
+  EXPECT_LE(verify["rms_mm"][1].get<double>(), 0.0075);
+  EXPECT_LE(verify["rms_mm"][2].get<double>(), 0.0075);
+}
+
+TEST(AiconPanel, MarkersThatMoveBetweenTheImagesAreNamed) {
+  const fs::path data = tests::measured_data("aicon-panel");
+  if (data.empty()) GTEST_SKIP() << "no aicon-panel in CROSSTIE_DATA";
+  const tests::TemporaryFolder folder;
+  measure_panel(data, folder / "job", false);
+  const ordered_json adjust = base::read_json(folder / "job/results/adjust/result.json").value();
+  std::set<int> moved;
+  for (const ordered_json& rejected : adjust["rejected"]) {
+    if (rejected["reason"].get<std::string>().find("moved") != std::string::npos) moved.insert(rejected["id"].get<int>());
+  }
+  EXPECT_THAT(moved, testing::ElementsAre(72, 73, 74));
+  EXPECT_EQ(adjust["points"].size(), 70U);
+}
+
+}  // namespace
+}  // namespace crosstie
