@@ -1,0 +1,372 @@
+#include "markers/detail/dot_fit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "markers/detail/dot_pixels.h"
+
+namespace crosstie::markers::detail {
+namespace {
+
+enum Parameter { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy, kParameters };
+constexpr int kExtended = kParameters + kHarmonicDof;
+
+using State = Eigen::Matrix<double, kParameters, 1>;
+using Normal = Eigen::Matrix<double, kParameters, kParameters>;
+using ExtendedNormal = Eigen::Matrix<double, kExtended, kExtended>;
+using ExtendedVector = Eigen::Matrix<double, kExtended, 1>;
+
+constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
+constexpr double kSlopeSigma = 0.15;      // a priori: change of a level per dot radius, of the contrast
+constexpr double kOutlier = 4.0;          // standard deviations from which on a pixel loses weight
+constexpr double kQuantisation = 0.3;     // grey levels: no pixel is better than the rounding of its level
+constexpr double kConvergedPx = 1e-5;
+constexpr int kMaxIterations = 25;
+
+/// Standard deviations in grey levels: at the dark and the bright end of the edge, and per grey level of slope.
+struct NoiseModel {
+  double outer = 1.0;
+  double inner = 1.0;
+  double edge_px = 0.0;
+
+  [[nodiscard]] double variance(double inside, double slope) const {
+    return outer * outer + (inner * inner - outer * outer) * inside + edge_px * edge_px * slope * slope;
+  }
+};
+
+/// The model at one pixel.
+struct Prediction {
+  double grey;    // cut off at saturation
+  double inside;  // Phi(-d / blur)
+  double slope;   // d grey / d d, negative for bright dots; 0 where cut off
+  double distance;
+  double ex, ey;    // relative to the centre
+  double nx, ny;    // outward normal
+  double gradient;  // |A e|
+  bool cut_off;
+};
+
+class Model {
+ public:
+  Model(const State& state, double radius_px, double saturated_level)
+      : s_(state), radius_px_(radius_px), saturated_level_(saturated_level) {}
+
+  [[nodiscard]] Prediction at(const DotPixel& pixel) const {
+    Prediction p;
+    p.ex = pixel.x - s_[kCx];
+    p.ey = pixel.y - s_[kCy];
+    const double gx = s_[kAxx] * p.ex + s_[kAxy] * p.ey;
+    const double gy = s_[kAxy] * p.ex + s_[kAyy] * p.ey;
+    const double rho = std::sqrt(std::max(p.ex * gx + p.ey * gy, 1e-12));
+    p.gradient = std::max(std::sqrt(gx * gx + gy * gy), 1e-12);
+    p.nx = gx / p.gradient;
+    p.ny = gy / p.gradient;
+    p.distance = (rho - 1.0) * rho / p.gradient;
+    const double t = p.distance / s_[kBlur];
+    const double outer = s_[kO] + (s_[kOx] * p.ex + s_[kOy] * p.ey) / radius_px_;
+    const double inner = s_[kI] + (s_[kIx] * p.ex + s_[kIy] * p.ey) / radius_px_;
+    p.inside = 0.5 * std::erfc(t * std::numbers::sqrt2 * 0.5);
+    p.grey = outer + (inner - outer) * p.inside;
+    p.slope = -(inner - outer) * std::exp(-0.5 * t * t) * (std::numbers::inv_sqrtpi / std::numbers::sqrt2) / s_[kBlur];
+    p.cut_off = p.grey >= saturated_level_;
+    if (p.cut_off) {
+      p.grey = saturated_level_;
+      p.slope = 0.0;
+    }
+    return p;
+  }
+
+  /// Derivatives of the grey level by the parameters; the first kParameters entries of `j`.
+  template <typename Vector>
+  void derivatives(const Prediction& p, Vector& j) const {
+    if (p.cut_off) {
+      j.template head<kParameters>().setZero();
+      return;
+    }
+    j[kCx] = -p.slope * p.nx;
+    j[kCy] = -p.slope * p.ny;
+    const double k = 0.5 * p.slope / p.gradient;
+    j[kAxx] = k * p.ex * p.ex;
+    j[kAxy] = 2.0 * k * p.ex * p.ey;
+    j[kAyy] = k * p.ey * p.ey;
+    j[kBlur] = -p.slope * p.distance / s_[kBlur];
+    const double outside = 1.0 - p.inside;
+    j[kO] = outside;
+    j[kOx] = outside * p.ex / radius_px_;
+    j[kOy] = outside * p.ey / radius_px_;
+    j[kI] = p.inside;
+    j[kIx] = p.inside * p.ex / radius_px_;
+    j[kIy] = p.inside * p.ey / radius_px_;
+  }
+
+ private:
+  const State& s_;
+  double radius_px_;
+  double saturated_level_;
+};
+
+double residual_of(const DotPixel& pixel, const Prediction& p, double saturated_level) {
+  return std::min(pixel.grey, saturated_level) - p.grey;
+}
+
+double robust_weight(double residual, double variance) {
+  const double t2 = residual * residual / (kOutlier * kOutlier * variance);
+  return t2 <= 1.0 ? 1.0 : 1.0 / t2;
+}
+
+/// Cost of a residual whose weight is robust_weight (its weight taken as fixed: what iteratively reweighted least squares
+/// lower).
+double robust_cost(double residual, double variance) {
+  const double t2 = residual * residual / (kOutlier * kOutlier * variance);
+  const double unit = kOutlier * kOutlier;
+  return t2 <= 1.0 ? unit * t2 : unit * (1.0 + std::log(t2));
+}
+
+double median_of(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Median of |residual| as a standard deviation over three classes of pixels.
+NoiseModel noise_of(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level) {
+  std::vector<double> outer, inner, edge, edge_slope2;
+  double steepest = 0.0;
+  for (const DotPixel& pixel : pixels) steepest = std::max(steepest, std::abs(model.at(pixel).slope));
+  for (const DotPixel& pixel : pixels) {
+    const Prediction p = model.at(pixel);
+    if (p.cut_off) continue;
+    const double r = std::abs(residual_of(pixel, p, saturated_level));
+    if (std::abs(p.slope) > 0.4 * steepest) {
+      edge.push_back(r);
+      edge_slope2.push_back(p.slope * p.slope);
+    } else if (std::abs(p.slope) < 0.1 * steepest) {
+      (p.inside < 0.5 ? outer : inner).push_back(r);
+    }
+  }
+  NoiseModel noise;
+  constexpr double kMadToSigma = 1.4826;
+  if (outer.size() >= 8) noise.outer = std::max(kQuantisation, kMadToSigma * median_of(outer));
+  noise.inner = inner.size() >= 8 ? std::max(kQuantisation, kMadToSigma * median_of(inner)) : noise.outer;
+  if (edge.size() >= 8) {
+    const double variance = std::pow(kMadToSigma * median_of(edge), 2);
+    const double flat = 0.5 * (noise.outer * noise.outer + noise.inner * noise.inner);
+    noise.edge_px = std::sqrt(std::max(0.0, variance - flat) / median_of(edge_slope2));
+  }
+  return noise;
+}
+
+/// The levels of the slopes stay near zero and undetermined levels of saturated dots near their start, weakly.
+void add_priors(const State& state, const State& start, Normal& n, State& b) {
+  const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
+  const double slope = 1.0 / std::pow(kSlopeSigma * contrast, 2);
+  for (const int k : {kOx, kOy, kIx, kIy}) {
+    n(k, k) += slope;
+    b[k] -= slope * state[k];
+  }
+  const double level = 1.0 / (contrast * contrast);
+  n(kI, kI) += level;
+  b[kI] += level * (start[kI] - state[kI]);
+  n(kBlur, kBlur) += 1.0;
+  b[kBlur] += start[kBlur] - state[kBlur];
+}
+
+double total_cost(const std::vector<DotPixel>& pixels, const State& state, double radius_px, double saturated_level,
+                  const NoiseModel& noise, const std::vector<double>& variances) {
+  (void)noise;
+  const Model model(state, radius_px, saturated_level);
+  double cost = 0.0;
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    cost += robust_cost(residual_of(pixels[i], model.at(pixels[i]), saturated_level), variances[i]);
+  }
+  return cost;
+}
+
+bool plausible(const State& s, double radius_px) {
+  return s.allFinite() && s[kBlur] >= kSmallestBlurPx && s[kBlur] < radius_px && s[kAxx] > 0.0 &&
+         s[kAxx] * s[kAyy] > s[kAxy] * s[kAxy] && std::hypot(s[kCx], s[kCy]) < radius_px;
+}
+
+/// Levenberg-Marquardt on fixed pixels and a fixed noise model. False where it gets nowhere.
+bool adjust(const std::vector<DotPixel>& pixels, const NoiseModel& noise, double radius_px, double saturated_level,
+            const State& start, State& state) {
+  std::vector<double> variances(pixels.size());
+  {
+    const Model model(state, radius_px, saturated_level);
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const Prediction p = model.at(pixels[i]);
+      variances[i] = noise.variance(p.inside, p.slope);
+    }
+  }
+  double cost = total_cost(pixels, state, radius_px, saturated_level, noise, variances);
+  double damping = 1e-4;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const Model model(state, radius_px, saturated_level);
+    Normal n = Normal::Zero();
+    State b = State::Zero();
+    State j;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const Prediction p = model.at(pixels[i]);
+      if (p.cut_off) continue;
+      const double r = residual_of(pixels[i], p, saturated_level);
+      const double w = robust_weight(r, variances[i]) / variances[i];
+      model.derivatives(p, j);
+      n.selfadjointView<Eigen::Upper>().rankUpdate(j, w);
+      b += (w * r) * j;
+    }
+    n.triangularView<Eigen::StrictlyLower>() = n.transpose();
+    add_priors(state, start, n, b);
+    bool lowered = false;
+    double step_px = 0.0;
+    for (int attempt = 0; attempt < 8 && !lowered; ++attempt) {
+      Normal damped = n;
+      damped.diagonal() *= 1.0 + damping;
+      const State step = damped.ldlt().solve(b);
+      State next = state + step;
+      next[kBlur] = std::max(next[kBlur], kSmallestBlurPx);
+      if (plausible(next, radius_px)) {
+        const double next_cost = total_cost(pixels, next, radius_px, saturated_level, noise, variances);
+        if (next_cost <= cost * (1.0 + 1e-9)) {
+          step_px = std::hypot(step[kCx], step[kCy]) + std::abs(next[kBlur] - state[kBlur]) +
+                    0.5 * radius_px * radius_px * radius_px * (std::abs(step[kAxx]) + std::abs(step[kAyy]));
+          state = next;
+          cost = next_cost;
+          lowered = true;
+          damping = std::max(damping * 0.1, 1e-9);
+        }
+      }
+      if (!lowered) damping = std::max(damping * 10.0, 1e-4);
+    }
+    if (!lowered) return iteration > 0;
+    if (step_px < kConvergedPx) return true;
+  }
+  return true;
+}
+
+double level_of(const std::vector<DotPixel>& pixels, const Eigen::Matrix2d& shape, double from_rho, double to_rho) {
+  std::vector<double> greys;
+  for (const DotPixel& pixel : pixels) {
+    const Eigen::Vector2d e(pixel.x, pixel.y);
+    const double rho2 = e.dot(shape * e);
+    if (rho2 >= from_rho * from_rho && rho2 <= to_rho * to_rho) greys.push_back(pixel.grey);
+  }
+  return greys.empty() ? 0.0 : median_of(greys);
+}
+
+Eigen::Matrix2d shape_of(const State& s) {
+  Eigen::Matrix2d shape;
+  shape << s[kAxx], s[kAxy], s[kAxy], s[kAyy];
+  return shape;
+}
+
+/// Covariance of the centre and the power of the harmonics 3..5, from the normal equations extended by them.
+void judge_edge(const std::vector<DotPixel>& pixels, const NoiseModel& noise, const State& state, const State& start,
+                double radius_px, double saturated_level, DotFit& fit) {
+  const Model model(state, radius_px, saturated_level);
+  const Eigen::Matrix2d unit_from_pixel = fit.ellipse.pixel_from_unit().inverse();
+  ExtendedNormal n = ExtendedNormal::Zero();
+  ExtendedVector b = ExtendedVector::Zero();
+  ExtendedVector j;
+  double squares = 0.0;
+  double edge_weight = 0.0;
+  double edge_lost = 0.0;
+  for (const DotPixel& pixel : pixels) {
+    const Prediction p = model.at(pixel);
+    const double r = residual_of(pixel, p, saturated_level);
+    squares += r * r;
+    if (p.cut_off) continue;
+    const double variance = noise.variance(p.inside, p.slope);
+    const double w = robust_weight(r, variance);
+    edge_weight += p.slope * p.slope;
+    edge_lost += p.slope * p.slope * (1.0 - w);
+    model.derivatives(p, j);
+    const Eigen::Vector2d u = unit_from_pixel * Eigen::Vector2d(p.ex, p.ey);
+    const double phi = std::atan2(u.y(), u.x());
+    for (int h = 0; h < kHarmonicDof / 2; ++h) {
+      j[kParameters + 2 * h] = -p.slope * std::cos((h + 3) * phi);
+      j[kParameters + 2 * h + 1] = -p.slope * std::sin((h + 3) * phi);
+    }
+    n.selfadjointView<Eigen::Upper>().rankUpdate(j, w / variance);
+    b += (w / variance * r) * j;
+  }
+  n.triangularView<Eigen::StrictlyLower>() = n.transpose();
+  Normal inner = n.topLeftCorner<kParameters, kParameters>();
+  State inner_b = b.head<kParameters>();
+  add_priors(state, start, inner, inner_b);
+  n.topLeftCorner<kParameters, kParameters>() = inner;
+  b.head<kParameters>() = inner_b;
+  fit.cov_px2 = inner.ldlt().solve(Normal::Identity()).topLeftCorner<2, 2>();
+  const ExtendedNormal q = n.ldlt().solve(ExtendedNormal::Identity());
+  const Eigen::Matrix<double, kHarmonicDof, 1> amplitudes = (q * b).tail<kHarmonicDof>();
+  const Eigen::Matrix<double, kHarmonicDof, kHarmonicDof> q_harmonics = q.bottomRightCorner<kHarmonicDof, kHarmonicDof>();
+  fit.harmonic_power = amplitudes.dot(q_harmonics.ldlt().solve(amplitudes)) / kHarmonicDof;
+  for (int h = 0; h < kHarmonicDof / 2; ++h) {
+    fit.deviation_px = std::max(fit.deviation_px, std::hypot(amplitudes[2 * h], amplitudes[2 * h + 1]));
+  }
+  fit.residual = std::sqrt(squares / static_cast<double>(pixels.size()));
+  fit.outlier_fraction = edge_weight > 0.0 ? edge_lost / edge_weight : 1.0;
+}
+
+/// How far out the pixels belong to the gap although the ring shines into it through the blur.
+double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor_px) {
+  const double gap = options.gap_outer - 1.0;
+  const double kept_off = std::max(0.3 * gap, 1.8 * blur_px / semi_minor_px);
+  return std::max(options.gap_outer - kept_off, 1.0 + std::min(0.6 * gap, 1.5 * blur_px / semi_minor_px));
+}
+
+/// Deeper inside than this, the pixels of large dots say nothing of the edge.
+double depth_px(double blur_px) { return std::max(6.0, 5.0 * blur_px); }
+
+}  // namespace
+
+std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse, const DotFitOptions& options) {
+  const Eigen::Vector2d origin_px = start_ellipse.centre_px;
+  const double radius_px = std::sqrt(start_ellipse.semi_major_px * start_ellipse.semi_minor_px);
+  double blur_px = std::min(1.0, 0.3 * start_ellipse.semi_minor_px);
+  Ellipse ellipse = start_ellipse;
+  std::vector<DotPixel> pixels = collect_pixels(image, ellipse, outer_rho(options, blur_px, ellipse.semi_minor_px),
+                                                std::max(depth_px(blur_px), 0.4 * ellipse.semi_minor_px), origin_px);
+  const Eigen::Matrix2d shape = ellipse.shape();
+  State start = State::Zero();
+  start << 0.0, 0.0, shape(0, 0), shape(0, 1), shape(1, 1), blur_px,
+      level_of(pixels, shape, 1.0 + 1.5 / ellipse.semi_minor_px, 9.0), 0.0, 0.0, level_of(pixels, shape, 0.0, 0.8), 0.0, 0.0;
+  const double contrast = std::abs(start[kI] - start[kO]);
+  State state = start;
+  NoiseModel noise{std::max(0.03 * contrast, 1.0), std::max(0.03 * contrast, 1.0), 0.1};
+  if (contrast < 1.0 || !adjust(pixels, noise, radius_px, options.saturated_level, start, state)) return std::nullopt;
+
+  for (int pass = 0; pass < 2; ++pass) {
+    const auto found = Ellipse::from_shape(origin_px + state.head<2>(), shape_of(state));
+    if (!found) return std::nullopt;
+    ellipse = *found;
+    const Eigen::Vector2d half = ellipse.half_extent_px();
+    if (ellipse.centre_px.x() - half.x() < 0.5 || ellipse.centre_px.y() - half.y() < 0.5 ||
+        ellipse.centre_px.x() + half.x() > image.image().width - 1.5 ||
+        ellipse.centre_px.y() + half.y() > image.image().height - 1.5) {
+      return std::nullopt;
+    }
+    blur_px = state[kBlur];
+    pixels = collect_pixels(image, ellipse, outer_rho(options, blur_px, ellipse.semi_minor_px), depth_px(blur_px), origin_px);
+    if (pixels.size() < 2 * kParameters) return std::nullopt;
+    noise = noise_of(pixels, Model(state, radius_px, options.saturated_level), options.saturated_level);
+    if (!adjust(pixels, noise, radius_px, options.saturated_level, start, state)) return std::nullopt;
+  }
+
+  const auto found = Ellipse::from_shape(origin_px + state.head<2>(), shape_of(state));
+  if (!found) return std::nullopt;
+  DotFit fit;
+  fit.ellipse = *found;
+  fit.blur_px = state[kBlur];
+  fit.inner_level = state[kI];
+  fit.outer_level = state[kO];
+  judge_edge(pixels, noise, state, start, radius_px, options.saturated_level, fit);
+  return fit;
+}
+
+}  // namespace crosstie::markers::detail

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "markers/detail/ellipse.h"
+#include "markers/detail/sampler.h"
+
+namespace crosstie::markers::detail {
+
+/// What the fit of a dot is allowed to use.
+struct DotFitOptions {
+  double gap_outer = 1.8;          ///< [dot radii] where the gap ends and other things begin
+  double saturated_level = 253.0;  ///< [grey levels] from here on a pixel is a lower bound
+};
+
+/// A blurred ellipse fitted to the grey levels of dot and gap.
+struct DotFit {
+  Ellipse ellipse;
+  Eigen::Matrix2d cov_px2 = Eigen::Matrix2d::Zero();  ///< of the centre, for the pixels' noise alone
+  double blur_px = 0.0;           ///< standard deviation of the Gaussian that blurs the edge (lens and pixel)
+  double inner_level = 0.0;       ///< grey level of the dot, at its centre
+  double outer_level = 0.0;       ///< grey level of the gap, extrapolated to the centre
+  double residual = 0.0;          ///< RMS of the residuals in grey levels, all pixels
+  double outlier_fraction = 0.0;  ///< of the weight that the pixels near the edge lost
+  double deviation_px = 0.0;      ///< amplitude of the largest of the harmonics 3..5 of the edge about the ellipse
+  double harmonic_power = 0.0;    ///< power of the harmonics 3..5 over what the pixels' noise explains; 1 where it does
+};
+
+inline constexpr int kHarmonicDof = 6;  ///< cosines and sines of the harmonics 3, 4, 5
+
+/// Model: with e = p - c, rho = sqrt(e^T A e) and the distance d = (rho - 1) rho / |A e| from the edge along its normal,
+///     grey(p) = O(e) + (I(e) - O(e)) Phi(-d / blur),
+/// O and I linear in e, Phi the normal distribution function; values over the saturation level are cut off there. Parameters:
+/// c, A, blur, O, I (12). Pixels are weighted by their noise (dark and bright level and the roughness of the edge apart),
+/// occluded ones are down-weighted. The harmonics 3..5 of the edge are fitted at the end: an ellipse cannot follow them, so
+/// their power tells what the harmonic 1, the centre, suffers from all causes. Nothing where the ellipse leaves the image,
+/// collapses, or the adjustment does not converge.
+std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start, const DotFitOptions& options);
+
+}  // namespace crosstie::markers::detail
