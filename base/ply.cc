@@ -1,0 +1,259 @@
+#include "base/ply.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "base/detail/ply_header.h"
+#include "base/file.h"
+#include "base/text.h"
+
+namespace crosstie::base {
+namespace {
+
+using detail::PlyElement;
+using detail::PlyFormat;
+using detail::PlyHeader;
+using detail::PlyProperty;
+using detail::PlyType;
+
+static_assert(std::endian::native == std::endian::little);
+
+constexpr std::size_t kMaxPlyBytes = std::size_t{8} << 30;
+constexpr std::string_view kBlanks = " \t\r\n";
+/// In the order of a record: three coordinates, three of the normal, six of the covariance.
+constexpr std::array<std::string_view, 12> kNames = {"x",      "y",      "z",      "nx",     "ny",     "nz",
+                                                     "cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz"};
+constexpr std::string_view kFieldPrefix = "scalar_";
+
+/// Reads values one after the other; nothing at the end of the data or where no number stands.
+class ValueReader {
+ public:
+  ValueReader(std::string_view data, PlyFormat format) : data_(data), format_(format) {}
+
+  std::optional<double> next(PlyType type) { return format_ == PlyFormat::kAscii ? next_text() : next_binary(type); }
+
+ private:
+  std::optional<double> next_text() {
+    at_ = data_.find_first_not_of(kBlanks, at_);
+    if (at_ == std::string_view::npos) at_ = data_.size();
+    const std::size_t end = std::min(data_.find_first_of(kBlanks, at_), data_.size());
+    const auto value = parse_double(data_.substr(at_, end - at_));
+    at_ = end;
+    return value;
+  }
+
+  template <typename T>
+  [[nodiscard]] double as(const char* bytes) const {
+    T value{};
+    std::memcpy(&value, bytes, sizeof value);
+    return static_cast<double>(value);
+  }
+
+  std::optional<double> next_binary(PlyType type) {
+    const std::size_t size = detail::size_of(type);
+    if (data_.size() - at_ < size) return std::nullopt;
+    char bytes[8];
+    std::memcpy(bytes, data_.data() + at_, size);
+    if (format_ == PlyFormat::kBigEndian) std::reverse(bytes, bytes + size);
+    at_ += size;
+    switch (type) {
+      case PlyType::kInt8:
+        return as<std::int8_t>(bytes);
+      case PlyType::kUint8:
+        return as<std::uint8_t>(bytes);
+      case PlyType::kInt16:
+        return as<std::int16_t>(bytes);
+      case PlyType::kUint16:
+        return as<std::uint16_t>(bytes);
+      case PlyType::kInt32:
+        return as<std::int32_t>(bytes);
+      case PlyType::kUint32:
+        return as<std::uint32_t>(bytes);
+      case PlyType::kFloat:
+        return as<float>(bytes);
+      case PlyType::kDouble:
+        return as<double>(bytes);
+    }
+    return std::nullopt;
+  }
+
+  std::string_view data_;
+  PlyFormat format_;
+  std::size_t at_ = 0;
+};
+
+/// Reads one property; lists are read over. Nothing where the data ends or is no number.
+std::optional<double> read_property(ValueReader& values, const PlyProperty& property) {
+  if (!property.is_list) return values.next(property.type);
+  const auto count = values.next(property.count_type);
+  if (!count || *count < 0.0 || *count != std::floor(*count)) return std::nullopt;
+  for (double i = 0.0; i < *count; i += 1.0) {
+    if (!values.next(property.type)) return std::nullopt;
+  }
+  return 0.0;
+}
+
+bool skip(ValueReader& values, const PlyElement& element) {
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    for (const PlyProperty& property : element.properties) {
+      if (!read_property(values, property)) return false;
+    }
+  }
+  return true;
+}
+
+/// Where a property of a vertex goes: to one of kNames, or to a field.
+struct Target {
+  std::optional<std::size_t> name;
+  std::optional<std::size_t> field;
+};
+
+/// Every value of a vertex has its target; the error is the reason.
+tl::expected<std::vector<Target>, std::string> targets_of(const PlyElement& vertex, Cloud& cloud) {
+  std::array<bool, kNames.size()> present{};
+  std::vector<Target> targets;
+  for (const PlyProperty& property : vertex.properties) {
+    Target target;
+    const auto known = std::find(kNames.begin(), kNames.end(), property.name);
+    if (property.is_list) {
+      // read over
+    } else if (known != kNames.end()) {
+      target.name = static_cast<std::size_t>(known - kNames.begin());
+      present[*target.name] = true;
+    } else {
+      const bool prefixed = property.name.starts_with(kFieldPrefix) && property.name.size() > kFieldPrefix.size();
+      target.field = cloud.fields.size();
+      cloud.fields.push_back({property.name.substr(prefixed ? kFieldPrefix.size() : 0), {}});
+    }
+    targets.push_back(target);
+  }
+  const auto present_in = [&](std::size_t first, std::size_t count) {
+    return static_cast<std::size_t>(std::count(present.begin() + static_cast<std::ptrdiff_t>(first),
+                                               present.begin() + static_cast<std::ptrdiff_t>(first + count), true));
+  };
+  if (present_in(0, 3) != 3) return tl::unexpected<std::string>("its vertices have no x, y and z");
+  if (present_in(3, 3) % 3 != 0) return tl::unexpected<std::string>("nx, ny and nz are not all there");
+  if (present_in(6, 6) % 6 != 0) return tl::unexpected<std::string>("cov_xx to cov_zz are not all there");
+  const auto count = static_cast<std::size_t>(vertex.count);
+  cloud.points.reserve(count);
+  if (present_in(3, 3) == 3) cloud.normals.reserve(count);
+  if (present_in(6, 6) == 6) cloud.cov_mm2.reserve(count);
+  for (auto& field : cloud.fields) field.values.reserve(count);
+  return targets;
+}
+
+/// The error is the reason.
+tl::expected<void, std::string> read_vertices(ValueReader& values, const PlyElement& vertex, Cloud& cloud) {
+  const auto targets = targets_of(vertex, cloud);
+  if (!targets) return tl::unexpected<std::string>(targets.error());
+  const bool has_normals = cloud.normals.capacity() > 0;
+  const bool has_covariances = cloud.cov_mm2.capacity() > 0;
+  std::array<double, kNames.size()> v{};
+  for (std::uint64_t i = 0; i < vertex.count; ++i) {
+    for (std::size_t p = 0; p < targets->size(); ++p) {
+      const auto value = read_property(values, vertex.properties[p]);
+      if (!value)
+        return tl::unexpected<std::string>(fmt::format("vertex {}: the file is cut off, or no finite number stands there", i));
+      if (!std::isfinite(*value))
+        return tl::unexpected<std::string>(fmt::format("vertex {}: {} is not finite", i, vertex.properties[p].name));
+      if ((*targets)[p].name) v[*(*targets)[p].name] = *value;
+      if ((*targets)[p].field) cloud.fields[*(*targets)[p].field].values.push_back(*value);
+    }
+    cloud.points.emplace_back(v[0], v[1], v[2]);
+    if (has_normals) cloud.normals.emplace_back(v[3], v[4], v[5]);
+    if (has_covariances) {
+      Eigen::Matrix3d cov;
+      cov << v[6], v[7], v[8], v[7], v[9], v[10], v[8], v[10], v[11];
+      cloud.cov_mm2.push_back(cov);
+    }
+  }
+  return {};
+}
+
+/// The error is the reason.
+tl::expected<Cloud, std::string> read_cloud(std::string_view bytes) {
+  const auto header = detail::parse_ply_header(bytes);
+  if (!header) return tl::unexpected<std::string>(header.error());
+  Cloud cloud;
+  for (const std::string& comment : header->comments) {
+    if (comment.starts_with("frame ")) cloud.frame = trim(comment.substr(6));
+    if (comment.starts_with("unit ") && trim(comment.substr(5)) != "mm") {
+      return tl::unexpected<std::string>(fmt::format("its {}, but clouds are in mm", comment));
+    }
+  }
+  ValueReader values(bytes.substr(header->data_offset), header->format);
+  for (const PlyElement& element : header->elements) {
+    if (element.name == "vertex") {
+      if (auto read = read_vertices(values, element, cloud); !read) return tl::unexpected<std::string>(std::move(read).error());
+      return cloud;
+    }
+    if (!skip(values, element)) return tl::unexpected<std::string>(fmt::format("the file is cut off in {}", element.name));
+  }
+  return tl::unexpected<std::string>("it has no element vertex");
+}
+
+void append(std::string& bytes, double value, bool as_double) {
+  char buffer[8];
+  const float narrow = static_cast<float>(value);
+  if (as_double)
+    std::memcpy(buffer, &value, sizeof value);
+  else
+    std::memcpy(buffer, &narrow, sizeof narrow);
+  bytes.append(buffer, as_double ? sizeof value : sizeof narrow);
+}
+
+/// What is wrong with a cloud that is to be written, or nothing.
+std::string fault(const Cloud& cloud) {
+  const auto fits = [&](std::size_t size) { return size == 0 || size == cloud.points.size(); };
+  if (!fits(cloud.normals.size()) || !fits(cloud.cov_mm2.size())) return "the lists of a cloud differ in length";
+  for (const CloudField& field : cloud.fields) {
+    if (field.values.size() != cloud.points.size()) return "the lists of a cloud differ in length";
+    if (field.name.empty() || field.name.find_first_of(kBlanks) != std::string::npos) {
+      return fmt::format("\"{}\" cannot be the name of a field", field.name);
+    }
+  }
+  if (cloud.frame.find('\n') != std::string::npos) return "the name of a frame is one line";
+  return "";
+}
+
+}  // namespace
+
+Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const PlyOptions& options) {
+  if (const std::string what = fault(cloud); !what.empty()) {
+    return fail(ErrorCode::kInternal, fmt::format("cannot write {}: {}", shown(path), what));
+  }
+  std::string bytes = "ply\nformat binary_little_endian 1.0\ncomment unit mm\n";
+  if (!cloud.frame.empty()) bytes += fmt::format("comment frame {}\n", cloud.frame);
+  bytes += fmt::format("element vertex {}\n", cloud.points.size());
+  for (std::size_t i = 0; i < kNames.size(); ++i) {
+    if ((i >= 3 && i < 6 && cloud.normals.empty()) || (i >= 6 && cloud.cov_mm2.empty())) continue;
+    bytes += fmt::format("property {} {}\n", i < 3 && options.double_coordinates ? "double" : "float", kNames[i]);
+  }
+  for (const CloudField& field : cloud.fields) bytes += fmt::format("property float {}{}\n", kFieldPrefix, field.name);
+  bytes += "end_header\n";
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    for (int k = 0; k < 3; ++k) append(bytes, cloud.points[i][k], options.double_coordinates);
+    for (int k = 0; k < 3 && !cloud.normals.empty(); ++k) append(bytes, cloud.normals[i][k], false);
+    for (int r = 0; r < 3 && !cloud.cov_mm2.empty(); ++r) {
+      for (int c = r; c < 3; ++c) append(bytes, cloud.cov_mm2[i](r, c), false);
+    }
+    for (const CloudField& field : cloud.fields) append(bytes, field.values[i], false);
+  }
+  return write_file_atomically(path, bytes);
+}
+
+Result<Cloud> read_ply(const std::filesystem::path& path) {
+  auto bytes = read_file(path, kMaxPlyBytes);
+  if (!bytes) return fail(std::move(bytes));
+  auto cloud = read_cloud(*bytes);
+  if (!cloud) return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), cloud.error()));
+  return *std::move(cloud);
+}
+
+}  // namespace crosstie::base
