@@ -247,7 +247,7 @@ Result<> write_files(const fs::path& folder, const base::AdjustedNetwork& networ
       return written;
   }
   if (network.covariance.size() == 0) return {};
-  return base::write_covariance(folder, network.covariance, network.labels);
+  return base::write_covariance(folder, {network.covariance, network.labels});
 }
 
 }  // namespace

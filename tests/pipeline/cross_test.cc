@@ -3,6 +3,7 @@
 #include <cmath>
 #include <map>
 
+#include <Eigen/Eigenvalues>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -11,6 +12,7 @@
 #include "base/npy.h"
 #include "base/point_list.h"
 #include "base/result_document.h"
+#include "base/table.h"
 #include "math/distributions.h"
 #include "math/rigid_alignment.h"
 #include "tests/support/program.h"
