@@ -87,13 +87,16 @@ struct AdjustedNetwork {
   std::string datum;       ///< "inner constraints", ...
   std::string scale;       ///< where the scale comes from: "scale bars", "defined by 11-52", "free"
   double sigma0 = 0.0;     ///< a posteriori over a priori, without unit
-  double sigma0_px = 0.0;  ///< a posteriori sigma of one image coordinate of unit weight
-  double rms_px = 0.0;     ///< sqrt(sum |e|^2 / image points)
-  int observations = 0;    ///< n: scalar observations that took part
-  int unknowns = 0;        ///< u
-  int conditions = 0;      ///< of the datum
-  int redundancy = 0;      ///< n - u + conditions
-  double chi2_p = 0.0;     ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
+  double sigma0_px = 0.0;  ///< a posteriori sigma of one image coordinate of unit weight (the median a priori sigma)
+  /// Added in quadrature to the detector's sigmas of all image points, given or estimated as a variance component; 0 for equal
+  /// weights. Where it was estimated, sigma0 is 1 by construction.
+  double model_sigma_px = 0.0;
+  double rms_px = 0.0;   ///< sqrt(sum |e|^2 / image points)
+  int observations = 0;  ///< n: scalar observations that took part
+  int unknowns = 0;      ///< u
+  int conditions = 0;    ///< of the datum
+  int redundancy = 0;    ///< n - u + conditions
+  double chi2_p = 0.0;   ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
   int iterations = 0;
   std::vector<AdjustedCamera> cameras;  ///< sorted by name, as all lists by name or id
   std::vector<AdjustedImage> images;

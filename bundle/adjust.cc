@@ -1,0 +1,226 @@
+#include "bundle/adjust.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "bundle/detail/estimate.h"
+#include "bundle/detail/frame.h"
+#include "bundle/detail/minimise.h"
+#include "bundle/detail/outcome.h"
+#include "bundle/detail/outliers.h"
+#include "bundle/detail/start.h"
+#include "bundle/detail/survey.h"
+#include "bundle/detail/triangulate.h"
+#include "bundle/detail/weights.h"
+
+namespace crosstie::bundle {
+namespace {
+
+using base::ErrorCode;
+using base::fail;
+using base::Progress;
+using base::Result;
+using detail::Estimate;
+using detail::ModelPlan;
+using detail::Reasons;
+using detail::State;
+using detail::Survey;
+using detail::Weights;
+
+constexpr double kAgreement = 10.0;        // robust sigmas within which a ray agrees with a place
+constexpr int kMaxRounds = 100;            // of data snooping
+constexpr double kSettled = 1e-7;          // relative change of the sigmas at which their estimation ends
+constexpr double kLeastAngle_rad = 0.035;  // at which most rays must meet for a network to have depth: 2 degrees
+
+/// Which lens parameters are estimated, and what is known of them beforehand.
+Result<ModelPlan> lens_plan(const Survey& survey, const AdjustOptions& options) {
+  ModelPlan plan;
+  for (const base::NetworkCamera& camera : survey.cameras) {
+    const auto names = base::parameter_names(camera.camera.model());
+    const Eigen::MatrixXd& cov = camera.camera.covariance();
+    std::vector<int> free;
+    for (std::size_t k = 0; camera.estimate && k < names.size(); ++k) {
+      const bool held = std::find(options.fixed_parameters.begin(), options.fixed_parameters.end(), names[k]) !=
+                        options.fixed_parameters.end();
+      const auto index = static_cast<Eigen::Index>(k);
+      const bool known = cov.size() > 0 && cov(index, index) == 0.0;  // a prior without uncertainty
+      if (!held && !known) free.push_back(static_cast<int>(k));
+    }
+    if (cov.size() > 0 && !free.empty()) {
+      if (!(Eigen::MatrixXd(cov(free, free)).llt().info() == Eigen::Success)) {
+        return fail(ErrorCode::kBadInput,
+                    "camera " + camera.name + ": the covariance of its parameters is not positive definite");
+      }
+      plan.lens_prior.emplace_back(cov);
+    } else {
+      plan.lens_prior.emplace_back();
+    }
+    plan.lens_mean.push_back(camera.camera.parameters());
+    plan.free_lens.push_back(std::move(free));
+  }
+  return plan;
+}
+
+/// A robust minimum of all that agrees, so that what does not can be told.
+Result<> settle_robustly(const Survey& survey, const AdjustOptions& options, const Weights& weights, ModelPlan plan,
+                         State& state, const Progress& progress) {
+  constexpr double kRobustSigmas = 3.0;
+  plan.whitening = weights.whitening();
+  detail::NetworkModel network = detail::build_model(survey, state, plan);
+  auto summary = detail::minimise(
+      network.model, {.max_iterations = options.max_iterations, .robust_scale = kRobustSigmas, .function_tolerance = 1e-8},
+      progress);
+  if (!summary) return fail(std::move(summary));
+  detail::read_back(network, state);
+  return {};
+}
+
+/// Least squares, weights and data snooping in turn until nothing changes.
+Result<Estimate> snoop(const Survey& survey, const AdjustOptions& options, Weights& weights, ModelPlan& plan, State& state,
+                       Reasons& reasons, const Progress& progress) {
+  for (int round = 0; round < kMaxRounds; ++round) {
+    progress("outliers", static_cast<std::size_t>(round), kMaxRounds);
+    detail::prune(survey, options, state, reasons);
+    plan.whitening = weights.whitening();
+    auto at = detail::estimate(survey, state, plan, {round == 0, options.max_iterations}, progress);
+    if (!at) return at;
+    const double change = weights.update(survey, *at, false);
+    if (change > 1e-3 && round + 1 < kMaxRounds) {
+      if (change > 0.02) continue;  // sigmas first, they decide what is an outlier
+      plan.whitening = weights.whitening();
+      at = detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+      if (!at) return at;
+    }
+    if (!options.reject_outliers || detail::reject_largest(survey, options, *at, state) == 0) {
+      progress("outliers", kMaxRounds, kMaxRounds);
+      return at;
+    }
+  }
+  return fail(ErrorCode::kNoUniqueSolution,
+              "the rejection of outliers does not come to an end; most observations contradict each other");
+}
+
+/// Least squares with the variance component in balance.
+Result<Estimate> settle_weights(const Survey& survey, const AdjustOptions& options, Weights& weights, ModelPlan& plan,
+                                State& state, const Progress& progress) {
+  constexpr int kMaxUpdates = 30;
+  for (int update = 0;; ++update) {
+    plan.whitening = weights.whitening();
+    auto at = detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+    if (!at || update == kMaxUpdates) return at;
+    if (weights.update(survey, *at, false) < kSettled) {
+      plan.whitening = weights.whitening();
+      return detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+    }
+  }
+}
+
+/// The network is only as deep as its rays are apart: a single projection centre gives none.
+Result<> check_depth(const Survey& survey, const State& state) {
+  std::vector<double> angles;
+  for (std::size_t p = 0; p < survey.ids.size(); ++p) {
+    std::vector<int> rays;
+    for (const int r : survey.rays_of_point[p]) {
+      if (state.active[static_cast<std::size_t>(r)] && state.knows(survey.rays[static_cast<std::size_t>(r)])) rays.push_back(r);
+    }
+    if (rays.size() > 1) angles.push_back(detail::largest_angle(survey, state, rays));
+  }
+  std::sort(angles.begin(), angles.end());
+  if (angles.size() >= 3 && angles[angles.size() / 2] > kLeastAngle_rad) return {};
+  return fail(
+      ErrorCode::kNoUniqueSolution,
+      fmt::format(
+          "the rays to the points meet at {:.2f} degrees only (median of {} points): all images seem to be taken from one "
+          "projection centre, so depths are not determined; take images from different places",
+          angles.empty() ? 0.0 : angles[angles.size() / 2] * 57.29577951308232, angles.size()));
+}
+
+}  // namespace
+
+Result<> AdjustOptions::validate() const {
+  const auto bad = [](const std::string& what) { return fail(ErrorCode::kUsage, "adjustment options: " + what); };
+  if (!(sigma_px > 0.0) || !std::isfinite(sigma_px)) return bad(fmt::format("sigma_px is {}, it must be positive", sigma_px));
+  if (model_sigma_px && (!(*model_sigma_px >= 0.0) || !std::isfinite(*model_sigma_px))) {
+    return bad(fmt::format("model_sigma_px is {}, it must be 0 or more", *model_sigma_px));
+  }
+  if (!(significance > 0.0 && significance < 0.5)) return bad(fmt::format("significance is {}, not in (0, 0.5)", significance));
+  if (!(min_angle_rad >= 0.0 && min_angle_rad < 1.5))
+    return bad(fmt::format("min_angle_rad is {}, not in [0, 1.5)", min_angle_rad));
+  if (start_pairs < 1) return bad(fmt::format("start_pairs is {}, it must be 1 or more", start_pairs));
+  if (max_iterations < 1) return bad(fmt::format("max_iterations is {}, it must be 1 or more", max_iterations));
+  const auto names = base::parameter_names(base::LensModel::kOpenCv12);
+  for (const std::string& name : fixed_parameters) {
+    if (std::find(names.begin(), names.end(), name) == names.end()) return bad("no lens model has a parameter " + name);
+  }
+  return {};
+}
+
+Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustOptions& options, const Progress& progress) {
+  if (auto ok = options.validate(); !ok) return fail(std::move(ok));
+  auto survey = detail::make_survey(network);
+  if (!survey) return fail(std::move(survey));
+  if (auto ok = detail::check_connection(*survey); !ok) return fail(std::move(ok));
+  auto plan = lens_plan(*survey, options);
+  if (!plan) return fail(std::move(plan));
+
+  // Start values, without a scale.
+  auto state = detail::orient(*survey, options, plan->free_lens, progress);
+  if (!state) return fail(std::move(state));
+  Reasons reasons(*survey);
+  if (auto ok = check_depth(*survey, *state); !ok) return fail(std::move(ok));
+
+  // What agrees, robustly; what stands in several places; then least squares with data snooping. The scale stays free until
+  // all image points that take part are known, so that no bar bends the network while outliers are told.
+  Weights weights(*survey, options);
+  double robust_px = detail::robust_sigma_px(*survey, *state);
+  detail::sort_out_points(*survey, options, std::max(1.0, kAgreement * robust_px), *state, reasons);
+  weights.guess(robust_px);
+  detail::prune(*survey, options, *state, reasons);
+  if (auto ok = settle_robustly(*survey, options, weights, *plan, *state, progress); !ok) return fail(std::move(ok));
+  robust_px = detail::robust_sigma_px(*survey, *state);
+  weights.guess(robust_px);
+  detail::sort_out_points(*survey, options, kAgreement * robust_px, *state, reasons);
+  if (options.reject_outliers) {
+    for (std::size_t r = 0; r < survey->rays.size(); ++r) {
+      const detail::Ray& ray = survey->rays[r];
+      if (state->active[r] && state->knows(ray) && detail::distance_px(*survey, *state, ray) > kAgreement * robust_px)
+        state->active[r] = 0;
+    }
+  }
+  auto at = snoop(*survey, options, weights, *plan, *state, reasons, progress);
+  if (!at) return fail(std::move(at));
+  if (options.reject_outliers) {
+    const auto w = detail::standardised_of_rays(*survey, *state, *at, weights);
+    if (detail::readmit(*survey, options, w, at->sigma0(), at->redundancy, reasons, *state) > 0) {
+      at = snoop(*survey, options, weights, *plan, *state, reasons, progress);
+      if (!at) return fail(std::move(at));
+    }
+  }
+  if (auto ok = check_depth(*survey, *state); !ok) return fail(std::move(ok));
+  const int iterations = at->iterations;
+
+  // The scale, the frame, and the final adjustment in it.
+  auto scale = detail::scale_factor(*survey, *state);
+  if (!scale) return fail(std::move(scale));
+  detail::rescale(*state, *scale);
+  plan->used_bars = true;
+  at = settle_weights(*survey, options, weights, *plan, *state, progress);
+  if (!at) return fail(std::move(at));
+  if (at->equations.null_space().cols() == 7) {
+    scale = detail::scale_factor(*survey, *state);
+    if (!scale) return fail(std::move(scale));
+    detail::rescale(*state, *scale);
+  }
+  detail::transform(*state, detail::principal_frame_from_network(*survey, *state));
+  at = detail::estimate(*survey, *state, *plan, {false, options.max_iterations}, progress);
+  if (!at) return fail(std::move(at));
+  at->iterations += iterations;
+  detail::explain(*survey, *state, kAgreement * robust_px, reasons);
+  auto result = detail::make_outcome(*survey, options, *state, *at, weights, reasons);
+  if (result) detail::diagnose(*survey, options, *state, *at, weights, *result);
+  return result;
+}
+
+}  // namespace crosstie::bundle

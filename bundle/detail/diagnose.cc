@@ -1,0 +1,197 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <Eigen/Eigenvalues>
+
+#include "bundle/detail/outcome.h"
+
+namespace crosstie::bundle::detail {
+namespace {
+
+using base::AdjustedNetwork;
+using base::Warning;
+
+constexpr int kFewRays = 3;
+constexpr double kSmallAngle_rad = 20.0 * std::numbers::pi / 180.0;
+constexpr double kHighCorrelation = 0.95;
+constexpr double kFlat = 0.02;  // thickness of the points over their length
+constexpr double kRolled_rad = std::numbers::pi / 4.0;
+constexpr double kUncontrolled = 0.05;  // redundancy number under which a blunder would hardly show
+constexpr double kContradiction = 3.3;  // sigmas
+constexpr double kWeakFocal = 0.02;     // relative sigma of a focal length
+constexpr double kUnlikely = 0.001;
+
+void about_points(AdjustedNetwork& result) {
+  for (const auto& point : result.points) {
+    if (point.rays < kFewRays) {
+      result.warnings.push_back(
+          {"few_rays", fmt::format("{}", point.id),
+           fmt::format("point {} is seen in {} images only; a wrong one would not show. Take more images of it", point.id,
+                       point.rays)});
+    } else if (point.angle_rad < kSmallAngle_rad) {
+      result.warnings.push_back(
+          {"small_angle", fmt::format("{}", point.id),
+           fmt::format("the rays to point {} meet at {:.0f} degrees at most, its depth is weak. Take images from "
+                       "further to the side",
+                       point.id, point.angle_rad * 180.0 / std::numbers::pi)});
+    }
+  }
+}
+
+void about_images(AdjustedNetwork& result) {
+  std::vector<int> weak(result.images.size(), 0);
+  for (const auto& observation : result.residuals) {
+    if (observation.redundancy.minCoeff() < kUncontrolled) ++weak[static_cast<std::size_t>(observation.image)];
+  }
+  for (std::size_t i = 0; i < weak.size(); ++i) {
+    if (weak[i] == 0) continue;
+    result.warnings.push_back(
+        {"weakly_controlled", result.images[i].name,
+         fmt::format("{} of the {} image points of {} are hardly controlled by others: a blunder in them would "
+                     "not show",
+                     weak[i], result.images[i].rays, result.images[i].name)});
+  }
+}
+
+void about_lenses(const Survey& survey, const State& state, AdjustedNetwork& result) {
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const auto& point : result.points) scatter += point.xyz_mm * point.xyz_mm.transpose();
+  const Eigen::Vector3d extent =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  const bool flat = extent(0) < kFlat * extent(2);
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    const base::AdjustedCamera& camera = result.cameras[c];
+    const Eigen::MatrixXd& cov = camera.camera.covariance();
+    if (!camera.estimated || cov.size() == 0) continue;
+    const auto names = base::parameter_names(camera.camera.model());
+    for (Eigen::Index i = 0; i < cov.rows(); ++i) {
+      for (Eigen::Index j = i + 1; j < cov.cols(); ++j) {
+        const double scale = std::sqrt(cov(i, i) * cov(j, j));
+        if (!(scale > 0.0) || std::abs(cov(i, j)) < kHighCorrelation * scale) continue;
+        const auto a = names[static_cast<std::size_t>(i)];
+        const auto b = names[static_cast<std::size_t>(j)];
+        result.warnings.push_back(
+            {"high_correlation", camera.name,
+             fmt::format("camera {}: {} and {} are correlated by {:.3f}; the images do not tell them apart well", camera.name,
+                         a, b, cov(i, j) / scale)});
+      }
+    }
+    for (const Eigen::Index k : {0, 1}) {
+      const double relative = std::sqrt(cov(k, k)) / camera.camera.parameters()(k);
+      if (relative > kWeakFocal) {
+        result.warnings.push_back(
+            {"weak_parameter", camera.name,
+             fmt::format("camera {}: {} is known to {:.1f} % only; take images at different distances and tilts, or "
+                         "give a calibration",
+                         camera.name, names[static_cast<std::size_t>(k)], 100.0 * relative)});
+      }
+    }
+    if (!flat) continue;
+    std::vector<double> rolls;
+    for (std::size_t i = 0; i < survey.images.size(); ++i) {
+      if (survey.camera_of_image[i] != static_cast<int>(c) || !state.poses[i]) continue;
+      const Eigen::Vector3d right = state.poses[i]->rotation * Eigen::Vector3d::UnitX();
+      rolls.push_back(std::atan2(right.y(), right.x()));
+    }
+    bool rolled = false;
+    for (const double a : rolls) {
+      for (const double b : rolls) rolled = rolled || std::abs(std::remainder(a - b, 2.0 * std::numbers::pi)) > kRolled_rad;
+    }
+    if (!rolled) {
+      result.warnings.push_back(
+          {"planar_not_rolled", camera.name,
+           fmt::format("the points are flat and camera {} was never rolled about its axis: its principal point leans "
+                       "on the tilted images alone. Take some images turned by 90 degrees",
+                       camera.name)});
+    }
+  }
+}
+
+void about_scale(AdjustedNetwork& result) {
+  int used = 0;
+  for (const auto& bar : result.scale_bars) used += bar.bar.role == base::ScaleBarRole::kUsed ? 1 : 0;
+  const auto name = [](const base::AdjustedScaleBar& bar) { return fmt::format("{}-{}", bar.bar.id_a, bar.bar.id_b); };
+  if (used == 1 && result.scale_bars.size() == 1) {
+    result.warnings.push_back({"one_scale_bar", name(result.scale_bars.front()),
+                               "one scale bar gives the scale and nothing checks it; measure a second length"});
+  }
+  std::string contradicting;
+  for (const auto& bar : result.scale_bars) {
+    if (bar.bar.role == base::ScaleBarRole::kUsed && std::abs(bar.w) > kContradiction) {
+      contradicting += fmt::format("{}{} ({:+.4f} mm, {:.1f} sigma)", contradicting.empty() ? "" : ", ", name(bar),
+                                   bar.measured_mm - bar.bar.length_at_temperature_mm(), bar.w);
+    } else if (bar.bar.role == base::ScaleBarRole::kCheck && std::abs(bar.w) > kContradiction) {
+      result.warnings.push_back({"check_bar", name(bar),
+                                 fmt::format("the check bar {} is measured {:+.4f} mm off, {:.1f} of its sigmas", name(bar),
+                                             bar.measured_mm - bar.bar.length_at_temperature_mm(), bar.w)});
+    }
+  }
+  if (!contradicting.empty()) {
+    result.warnings.push_back({"contradicting_bars", contradicting,
+                               "these scale bars contradict each other or the images: " + contradicting +
+                                   ". Compare lengths, units, ids and temperatures with the certificates"});
+  }
+}
+
+void about_weights(const AdjustOptions& options, const Weights& weights, AdjustedNetwork& result) {
+  if (weights.estimated() && result.model_sigma_px > 0.0) {
+    result.warnings.push_back(
+        {"sigma_estimated", "",
+         fmt::format("{:.4f} px were added to the detector's sigmas so that they agree with the residuals; sigma0 is 1 "
+                     "by that, and its test says nothing",
+                     result.model_sigma_px)});
+  } else if (result.redundancy > 0 && result.chi2_p < kUnlikely) {
+    result.warnings.push_back(
+        {"sigma0_test", "",
+         fmt::format("sigma0 is {:.2f}: the a priori sigmas are too {} by that factor; the covariances are scaled by it",
+                     result.sigma0, result.sigma0 > 1.0 ? "small" : "large")});
+  }
+  static_cast<void>(options);
+}
+
+}  // namespace
+
+void diagnose(const Survey& survey, const AdjustOptions& options, const State& state, const Estimate& at,
+              const Weights& weights, AdjustedNetwork& result) {
+  static_cast<void>(at);
+  result.warnings.insert(result.warnings.end(), survey.warnings.begin(), survey.warnings.end());
+  about_scale(result);
+  about_lenses(survey, state, result);
+  about_images(result);
+  about_points(result);
+  about_weights(options, weights, result);
+  std::size_t total = survey.rays.size();
+  std::size_t moved = 0;
+  std::string moved_ids;
+  int last = base::kNoId;
+  for (const auto& rejected : result.rejected) {
+    if (!rejected.reason.starts_with("moved between images")) continue;
+    ++moved;
+    if (rejected.id != last && moved_ids.find(fmt::format(" {},", rejected.id)) == std::string::npos) {
+      moved_ids += fmt::format(" {},", rejected.id);
+    }
+    last = rejected.id;
+  }
+  if (moved > 0) {
+    moved_ids.pop_back();
+    result.warnings.push_back(
+        {"moved_points", moved_ids.substr(1), "these targets moved between the images and were left out:" + moved_ids});
+  }
+  constexpr double kSuspicious = 0.03;
+  const std::size_t outliers = result.rejected.size() - moved;
+  if (total > 0 && static_cast<double>(outliers) > kSuspicious * static_cast<double>(total)) {
+    result.warnings.push_back(
+        {"many_rejected", "",
+         fmt::format("{} of {} image points were rejected; more than 3 % is suspicious. Look at the reasons", outliers,
+                     total)});
+  }
+  for (std::size_t i = 0; i < survey.images.size(); ++i) {
+    if (state.poses[i]) continue;
+    result.warnings.push_back(
+        {"image_not_oriented", survey.images[i], survey.images[i] + " could not be oriented and was left out"});
+  }
+}
+
+}  // namespace crosstie::bundle::detail

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/progress.h"
+#include "base/result.h"
+#include "bundle/detail/state.h"
+#include "math/normal_equations.h"
+
+namespace crosstie::bundle::detail {
+
+/// A network at its minimum with the linear algebra of that place.
+struct Estimate {
+  NetworkModel network;
+  math::WhitenedRows rows;
+  math::NormalEquations equations;
+  std::vector<Eigen::MatrixXd> residual_cofactors;  ///< of each group, whitened
+  int iterations = 0;
+  double square_sum = 0.0;  ///< v'Pv
+  int observations = 0;
+  int unknowns = 0;
+  int redundancy = 0;  ///< observations - unknowns + free directions
+
+  [[nodiscard]] double sigma0() const;
+};
+
+struct EstimateOptions {
+  bool minimise_first = false;  ///< true: start with Levenberg-Marquardt; else Gauss-Newton at once, from near the minimum
+  int max_iterations = 100;
+};
+
+/// The directions that no observation determines: 3 translations, 3 rotations, and the scale where no used bar takes part.
+Eigen::MatrixXd null_space(const NetworkModel& network);
+
+/// Minimises and moves `state` to the minimum. Gauss-Newton with the normal equations of math takes the last steps, so that the
+/// result is at the minimum to rounding whatever took the first ones, and its covariance belongs to that place.
+base::Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& plan, const EstimateOptions& options,
+                                const base::Progress& progress);
+
+}  // namespace crosstie::bundle::detail

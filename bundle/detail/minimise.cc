@@ -1,0 +1,171 @@
+#include "bundle/detail/minimise.h"
+
+#include <algorithm>
+#include <exception>
+#include <memory>
+#include <set>
+
+#include <ceres/ceres.h>
+
+namespace crosstie::bundle::detail {
+namespace {
+
+using base::ErrorCode;
+using base::fail;
+using base::Result;
+
+/// Poses with the left perturbation as tangent. Measurements give their Jacobians by the tangent already, in the first six
+/// columns of the seven that Ceres provides; the Jacobian of Plus only picks these out.
+class PoseManifold final : public ceres::Manifold {
+ public:
+  int AmbientSize() const override { return 7; }
+  int TangentSize() const override { return 6; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    pose_to_values(base::perturbed(pose_from_values(x), Eigen::Map<const base::Vector6d>(delta)), x_plus_delta);
+    return true;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    Eigen::Map<Eigen::Matrix<double, 7, 6, Eigen::RowMajor>>(jacobian, 7, 6).setIdentity();
+    return true;
+  }
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
+    Eigen::Map<base::Vector6d>(y_minus_x, 6) = base::difference(pose_from_values(x), pose_from_values(y));
+    return true;
+  }
+  bool MinusJacobian(const double*, double* jacobian) const override {
+    Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>>(jacobian, 6, 7).setIdentity();
+    return true;
+  }
+};
+
+class MeasurementCost final : public ceres::CostFunction {
+ public:
+  MeasurementCost(const Model& model, const Measurement& measurement) : measurement_(measurement) {
+    set_num_residuals(measurement.rows());
+    for (const int b : measurement.blocks()) {
+      const Block& block = model.blocks[static_cast<std::size_t>(b)];
+      mutable_parameter_block_sizes()->push_back(static_cast<int>(block.values.size()));
+      is_pose_.push_back(block.kind == Block::Kind::kPose);
+    }
+  }
+
+  bool Evaluate(double const* const* values, double* residuals, double** jacobians) const override {
+    if (!measurement_.evaluate(values, residuals, jacobians)) return false;
+    if (jacobians == nullptr) return true;
+    for (std::size_t i = 0; i < is_pose_.size(); ++i) {
+      if (!is_pose_[i] || jacobians[i] == nullptr) continue;
+      // From rows of six to rows of seven, in place and therefore from behind.
+      for (int row = num_residuals() - 1; row >= 0; --row) {
+        double* to = jacobians[i] + 7 * row;
+        std::copy_backward(jacobians[i] + 6 * row, jacobians[i] + 6 * row + 6, to + 6);
+        to[6] = 0.0;
+      }
+    }
+    return true;
+  }
+
+ private:
+  const Measurement& measurement_;
+  std::vector<bool> is_pose_;
+};
+
+class StopWhenAsked final : public ceres::IterationCallback {
+ public:
+  explicit StopWhenAsked(const base::Progress& progress) : progress_(progress) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+    return progress_.cancelled() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const base::Progress& progress_;
+};
+
+/// Points are eliminated first, those aside that a measurement joins to each other.
+std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order(Model& model, const std::vector<bool>& used) {
+  std::set<int> joined;
+  for (const auto& measurement : model.measurements) {
+    std::vector<int> eliminated;
+    for (const int b : measurement->blocks()) {
+      if (model.blocks[static_cast<std::size_t>(b)].role == math::BlockRole::kEliminated) eliminated.push_back(b);
+    }
+    if (eliminated.size() > 1) joined.insert(eliminated.begin(), eliminated.end());
+  }
+  auto order = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (std::size_t b = 0; b < model.blocks.size(); ++b) {
+    if (!used[b]) continue;
+    const bool first = model.blocks[b].role == math::BlockRole::kEliminated && !joined.contains(static_cast<int>(b));
+    order->AddElementToGroup(model.blocks[b].values.data(), first ? 0 : 1);
+  }
+  return order;
+}
+
+Result<MinimiseSummary> solve(Model& model, const MinimiseOptions& options, const base::Progress& progress) {
+  PoseManifold pose_manifold;
+  ceres::Problem::Options ownership;
+  ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  std::unique_ptr<ceres::LossFunction> loss;
+  if (options.robust_scale) loss = std::make_unique<ceres::CauchyLoss>(*options.robust_scale);
+  std::vector<std::unique_ptr<ceres::Manifold>> subsets;
+  ceres::Problem problem(ownership);
+
+  std::vector<bool> used(model.blocks.size(), false);
+  int poses = 0;
+  for (const auto& measurement : model.measurements) {
+    std::vector<double*> values;
+    for (const int b : measurement->blocks()) {
+      Block& block = model.blocks[static_cast<std::size_t>(b)];
+      values.push_back(block.values.data());
+      if (used[static_cast<std::size_t>(b)]) continue;
+      used[static_cast<std::size_t>(b)] = true;
+      problem.AddParameterBlock(values.back(), static_cast<int>(block.values.size()));
+      if (block.free.empty()) {
+        problem.SetParameterBlockConstant(values.back());
+      } else if (block.kind == Block::Kind::kPose) {
+        problem.SetManifold(values.back(), &pose_manifold);
+        ++poses;
+      } else if (static_cast<int>(block.free.size()) < block.tangent_size()) {
+        std::vector<int> held;
+        for (int i = 0; i < block.tangent_size(); ++i) {
+          if (!std::binary_search(block.free.begin(), block.free.end(), i)) held.push_back(i);
+        }
+        subsets.push_back(std::make_unique<ceres::SubsetManifold>(block.tangent_size(), held));
+        problem.SetManifold(values.back(), subsets.back().get());
+      }
+    }
+    problem.AddResidualBlock(new MeasurementCost(model, *measurement), measurement->may_be_wrong() ? loss.get() : nullptr,
+                             values);
+  }
+
+  ceres::Solver::Options solver;
+  solver.logging_type = ceres::SILENT;
+  solver.num_threads = 1;
+  solver.max_num_iterations = options.max_iterations;
+  solver.function_tolerance = options.function_tolerance;
+  solver.gradient_tolerance = 1e-14;
+  solver.parameter_tolerance = 1e-12;
+  constexpr int kDensePoses = 150;
+  solver.linear_solver_type = poses <= kDensePoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  solver.linear_solver_ordering = elimination_order(model, used);
+  StopWhenAsked stop(progress);
+  solver.callbacks.push_back(&stop);
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &problem, &summary);
+  if (progress.cancelled()) return base::cancelled("the adjustment");
+  if (!summary.IsSolutionUsable()) {
+    return fail(ErrorCode::kNoUniqueSolution, "the minimisation found no solution: " + summary.message);
+  }
+  return MinimiseSummary{static_cast<int>(summary.iterations.size()), summary.final_cost};
+}
+
+}  // namespace
+
+Result<MinimiseSummary> minimise(Model& model, const MinimiseOptions& options, const base::Progress& progress) {
+  try {
+    return solve(model, options, progress);
+  } catch (const std::exception& error) {
+    return fail(ErrorCode::kInternal, std::string("the minimisation failed: ") + error.what());
+  }
+}
+
+}  // namespace crosstie::bundle::detail

@@ -1,0 +1,199 @@
+#include "bundle/detail/outcome.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+
+#include "bundle/detail/frame.h"
+#include "bundle/detail/triangulate.h"
+#include "math/cofactors.h"
+#include "math/distributions.h"
+
+namespace crosstie::bundle::detail {
+namespace {
+
+using base::AdjustedNetwork;
+using base::fail;
+using base::Result;
+
+constexpr int kMostPointsWithFullCovariance = 2000;
+
+std::string scale_name(const Survey& survey) {
+  for (const Bar& bar : survey.bars) {
+    if (bar.bar.role == base::ScaleBarRole::kDefines) return fmt::format("defined by {}-{}", bar.bar.id_a, bar.bar.id_b);
+  }
+  return survey.scale_is_free ? "free" : "scale bars";
+}
+
+/// Indices into the result's lists, -1 for what does not take part.
+struct Places {
+  std::vector<int> image;
+  std::vector<int> point;
+};
+
+void add_cameras(const Survey& survey, const State& state, const Estimate& at, const math::Cofactors& cofactors,
+                 double variance, AdjustedNetwork& result) {
+  for (std::size_t c = 0; c < survey.cameras.size(); ++c) {
+    base::AdjustedCamera camera{survey.cameras[c].name, survey.cameras[c].camera, false};
+    const int block = at.network.camera_block[c];
+    if (block >= 0) {
+      const Block& values = at.network.model.blocks[static_cast<std::size_t>(block)];
+      auto adjusted =
+          base::Camera::make(camera.camera.model(), camera.camera.width_px(), camera.camera.height_px(), state.lenses[c]);
+      if (adjusted && !values.free.empty()) {
+        camera.camera = *adjusted;
+        camera.estimated = true;
+        Eigen::MatrixXd cov = Eigen::MatrixXd::Zero(state.lenses[c].size(), state.lenses[c].size());
+        cov(values.free, values.free) = variance * cofactors.block(block, block);
+        camera.camera.set_covariance(std::move(cov));
+      }
+    }
+    result.cameras.push_back(std::move(camera));
+  }
+}
+
+Places add_images_and_points(const Survey& survey, const State& state, const Estimate& at, const math::Cofactors& cofactors,
+                             double variance, AdjustedNetwork& result) {
+  Places places{std::vector<int>(survey.images.size(), -1), std::vector<int>(survey.ids.size(), -1)};
+  for (std::size_t i = 0; i < survey.images.size(); ++i) {
+    const int block = at.network.image_block[i];
+    if (block < 0) continue;
+    places.image[i] = static_cast<int>(result.images.size());
+    base::AdjustedImage image;
+    image.name = survey.images[i];
+    image.camera = survey.cameras[static_cast<std::size_t>(survey.camera_of_image[i])].name;
+    image.network_from_camera = *state.poses[i];
+    image.cov = variance * cofactors.block(block, block);
+    result.images.push_back(std::move(image));
+  }
+  for (std::size_t p = 0; p < survey.ids.size(); ++p) {
+    const int block = at.network.point_block[p];
+    if (block < 0) continue;
+    places.point[p] = static_cast<int>(result.points.size());
+    base::AdjustedPoint point;
+    point.id = survey.ids[p];
+    point.xyz_mm = *state.points[p];
+    point.cov_mm2 = variance * cofactors.block(block, block);
+    std::vector<int> rays;
+    for (const int r : survey.rays_of_point[p]) {
+      if (state.active[static_cast<std::size_t>(r)]) rays.push_back(r);
+    }
+    point.angle_rad = largest_angle(survey, state, rays);
+    result.points.push_back(std::move(point));
+  }
+  return places;
+}
+
+void add_residuals(const Survey& survey, const Estimate& at, const Weights& weights, const Places& places,
+                   AdjustedNetwork& result) {
+  double total = 0.0;
+  int count = 0;
+  for (int g = 0; g < at.rows.group_count(); ++g) {
+    const int r = at.network.ray_of_group[static_cast<std::size_t>(g)];
+    if (r < 0) continue;
+    const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
+    const Eigen::Matrix2d cov = weights.covariance(r);
+    const Eigen::Matrix2d factor = cov.llt().matrixL();
+    const Eigen::MatrixXd& cofactor = at.residual_cofactors[static_cast<std::size_t>(g)];
+    base::AdjustedObservation observation;
+    observation.image = places.image[static_cast<std::size_t>(ray.image)];
+    observation.point = places.point[static_cast<std::size_t>(ray.point)];
+    observation.measured_px = ray.measured_px;
+    observation.residual_px = factor * at.rows.residual(g);
+    observation.sigma_px = cov.diagonal().cwiseSqrt();
+    observation.redundancy = (factor * cofactor * factor.inverse()).diagonal();
+    observation.w = standardised(at.rows.residual(g), cofactor);
+    base::AdjustedImage& image = result.images[static_cast<std::size_t>(observation.image)];
+    base::AdjustedPoint& point = result.points[static_cast<std::size_t>(observation.point)];
+    const double square = observation.residual_px.squaredNorm();
+    image.rms_px += square;
+    point.rms_px += square;
+    total += square;
+    ++image.rays;
+    ++point.rays;
+    ++count;
+    point.max_w = std::max(point.max_w, observation.w);
+    result.residuals.push_back(observation);
+  }
+  for (auto& image : result.images) image.rms_px = std::sqrt(image.rms_px / std::max(1, image.rays));
+  for (auto& point : result.points) point.rms_px = std::sqrt(point.rms_px / std::max(1, point.rays));
+  result.rms_px = count > 0 ? std::sqrt(total / count) : 0.0;
+}
+
+void add_bars(const Survey& survey, const State& state, const Estimate& at, const math::Cofactors& cofactors, double variance,
+              AdjustedNetwork& result) {
+  for (std::size_t i = 0; i < survey.bars.size(); ++i) {
+    const Bar& bar = survey.bars[i];
+    const int a = at.network.point_block[static_cast<std::size_t>(bar.point_a)];
+    const int b = at.network.point_block[static_cast<std::size_t>(bar.point_b)];
+    if (a < 0 || b < 0) continue;
+    const Eigen::Vector3d difference =
+        *state.points[static_cast<std::size_t>(bar.point_a)] - *state.points[static_cast<std::size_t>(bar.point_b)];
+    base::AdjustedScaleBar adjusted{bar.bar, difference.norm(), 0.0, 0.0};
+    Eigen::Matrix<double, 6, 1> gradient;
+    gradient << difference.normalized(), -difference.normalized();
+    const int blocks[] = {a, b};
+    adjusted.sigma_mm = std::sqrt(std::max(0.0, variance * gradient.dot(cofactors.joint(blocks) * gradient)));
+    const double error = adjusted.measured_mm - bar.bar.length_at_temperature_mm();
+    if (bar.bar.role == base::ScaleBarRole::kUsed) {
+      for (int g = 0; g < at.rows.group_count(); ++g) {
+        if (at.network.bar_of_group[static_cast<std::size_t>(g)] != static_cast<int>(i)) continue;
+        const double controlled = at.residual_cofactors[static_cast<std::size_t>(g)](0, 0);
+        if (controlled > 1e-6) adjusted.w = at.rows.residual(g)(0) / std::sqrt(controlled);
+      }
+    } else if (bar.bar.role == base::ScaleBarRole::kCheck) {
+      const double sigma = std::hypot(adjusted.sigma_mm, bar.bar.sigma_mm);
+      if (sigma > 0.0) adjusted.w = error / sigma;
+    }
+    result.scale_bars.push_back(adjusted);
+  }
+}
+
+}  // namespace
+
+Result<AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& options, const State& state, const Estimate& at,
+                                     const Weights& weights, const Reasons& reasons) {
+  auto cofactors = math::Cofactors::make(at.equations, datum_conditions(survey, at.network));
+  if (!cofactors) return fail(std::move(cofactors));
+  AdjustedNetwork result;
+  result.datum = "inner constraints over all points";
+  result.scale = scale_name(survey);
+  result.sigma0 = at.sigma0();
+  result.sigma0_px = result.sigma0 * weights.unit_sigma_px(state.active);
+  result.model_sigma_px = weights.model_sigma_px();
+  result.observations = at.observations;
+  result.unknowns = at.unknowns;
+  result.conditions = static_cast<int>(at.equations.null_space().cols());
+  result.redundancy = at.redundancy;
+  result.chi2_p = at.redundancy > 0 ? math::chi_square_two_sided(at.square_sum, at.redundancy) : 1.0;
+  result.iterations = at.iterations;
+  // Without redundancy there is nothing to judge the a priori sigmas by: they are taken as they are.
+  const double variance = at.redundancy > 0 ? result.sigma0 * result.sigma0 : 1.0;
+
+  add_cameras(survey, state, at, *cofactors, variance, result);
+  const Places places = add_images_and_points(survey, state, at, *cofactors, variance, result);
+  add_residuals(survey, at, weights, places, result);
+  add_bars(survey, state, at, *cofactors, variance, result);
+
+  const std::vector<double> w = standardised_of_rays(survey, state, at, weights);
+  for (std::size_t r = 0; r < survey.rays.size(); ++r) {
+    if (state.active[r]) continue;
+    const Ray& ray = survey.rays[r];
+    result.rejected.push_back({survey.images[static_cast<std::size_t>(ray.image)],
+                               survey.ids[static_cast<std::size_t>(ray.point)], reasons.ray[r], w[r]});
+  }
+  for (std::size_t i = 0; i < survey.images.size(); ++i) {
+    if (survey.rays_of_image[i].empty()) {
+      result.rejected.push_back({survey.images[i], base::kNoId, "image not oriented: no coded marker was read in it", 0.0});
+    }
+  }
+  if (options.full_covariance && static_cast<int>(result.points.size()) <= kMostPointsWithFullCovariance) {
+    result.covariance = variance * cofactors->full();
+    result.labels = at.network.model.parameters().labels();
+  }
+  return result;
+}
+
+}  // namespace crosstie::bundle::detail

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/progress.h"
+#include "base/result.h"
+#include "bundle/adjust.h"
+#include "bundle/detail/state.h"
+
+namespace crosstie::bundle::detail {
+
+/// Poses, points and lenses good enough for the adjustment to converge, from the image points alone.
+///
+/// For the pairs of images with many common markers and a large parallax: relative orientation (all candidates of two_view.h),
+/// then image by image: resection, triangulation, a robust bundle in between; lens parameters are freed step by step as images
+/// of their camera come in. The outcome with the least truncated sum of squares wins; an outcome that explains nearly
+/// everything ends the search. Images that cannot be oriented stay without a pose.
+///
+/// `free_lens` are the parameters that the adjustment will estimate in the end, for each camera.
+base::Result<State> orient(const Survey& survey, const AdjustOptions& options, const std::vector<std::vector<int>>& free_lens,
+                           const base::Progress& progress);
+
+/// Robust sigma of an image coordinate [px]: 1.4826 times the median of the absolute residuals of the active rays.
+double robust_sigma_px(const Survey& survey, const State& state);
+
+/// Error kNoUniqueSolution where the images fall into blocks that share fewer than three markers, naming them.
+base::Result<> check_connection(const Survey& survey);
+
+}  // namespace crosstie::bundle::detail

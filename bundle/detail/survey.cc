@@ -1,0 +1,191 @@
+#include "bundle/detail/survey.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include <fmt/format.h>
+#include <Eigen/Eigenvalues>
+
+namespace crosstie::bundle::detail {
+namespace {
+
+using base::ErrorCode;
+using base::fail;
+using base::Result;
+
+constexpr double kLeastShareOfMedian = 1.0 / 3.0;
+constexpr double kFallbackSigma_px = 0.05;  // where no detector covariance is usable at all
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+bool usable(const Eigen::Matrix2d& cov) {
+  return cov.allFinite() && cov(0, 0) > 0.0 && cov(1, 1) > 0.0 && cov.determinant() > 0.0;
+}
+
+/// Makes all covariances positive definite and none absurdly small.
+void repair_covariances(Survey& survey) {
+  std::vector<double> sigmas;
+  for (const Ray& ray : survey.rays) {
+    if (usable(ray.cov_px2)) sigmas.push_back(std::sqrt(0.5 * ray.cov_px2.trace()));
+  }
+  const double typical = sigmas.empty() ? kFallbackSigma_px : median(sigmas);
+  if (sigmas.size() < survey.rays.size()) {
+    survey.warnings.push_back(
+        {"no_image_covariance", "",
+         fmt::format("{} of {} image points came without a usable covariance; {:.3g} px is assumed for each of them",
+                     survey.rays.size() - sigmas.size(), survey.rays.size(), typical)});
+  }
+  for (Ray& ray : survey.rays) {
+    if (!usable(ray.cov_px2)) {
+      ray.cov_px2 = typical * typical * Eigen::Matrix2d::Identity();
+      continue;
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(ray.cov_px2);
+    const double least = std::pow(kLeastShareOfMedian * typical, 2);
+    if (eigen.eigenvalues()(0) < least) {
+      ray.cov_px2 = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() * eigen.eigenvectors().transpose();
+    }
+  }
+}
+
+Result<> add_cameras(const base::Network& network, Survey& survey) {
+  survey.cameras = network.cameras;
+  std::sort(survey.cameras.begin(), survey.cameras.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  for (std::size_t i = 1; i < survey.cameras.size(); ++i) {
+    if (survey.cameras[i].name == survey.cameras[i - 1].name) {
+      return fail(ErrorCode::kBadInput, "camera " + survey.cameras[i].name + " is given twice");
+    }
+  }
+  return {};
+}
+
+Result<> add_images(const base::Network& network, Survey& survey) {
+  std::vector<const base::ImageObservations*> sorted;
+  for (const auto& image : network.images) sorted.push_back(&image);
+  std::sort(sorted.begin(), sorted.end(), [](const auto* a, const auto* b) { return a->image < b->image; });
+  std::set<int> ids;
+  for (const auto* image : sorted) {
+    if (!survey.images.empty() && survey.images.back() == image->image) {
+      return fail(ErrorCode::kBadInput, "image " + image->image + " is given twice; rename one of them");
+    }
+    const auto camera = std::find_if(survey.cameras.begin(), survey.cameras.end(),
+                                     [&](const auto& candidate) { return candidate.name == image->camera; });
+    if (camera == survey.cameras.end()) {
+      return fail(ErrorCode::kBadInput,
+                  "image " + image->image + " names the camera " + image->camera + ", which is not given");
+    }
+    const bool sized = image->width_px > 0 && image->height_px > 0;
+    if (sized && (image->width_px != camera->camera.width_px() || image->height_px != camera->camera.height_px())) {
+      return fail(
+          ErrorCode::kBadInput,
+          fmt::format("image {} has {} x {} px, its camera {} has {} x {}; give them separate cameras", image->image,
+                      image->width_px, image->height_px, camera->name, camera->camera.width_px(), camera->camera.height_px()));
+    }
+    survey.images.push_back(image->image);
+    survey.camera_of_image.push_back(static_cast<int>(camera - survey.cameras.begin()));
+    for (const base::Observation& observation : image->observations) {
+      if (observation.status != base::ObservationStatus::kCoded) continue;
+      if (!observation.centre_px.allFinite()) {
+        return fail(ErrorCode::kBadInput,
+                    fmt::format("image {}, id {}: the image point is not finite", image->image, observation.id));
+      }
+      ids.insert(observation.id);
+    }
+  }
+  survey.ids.assign(ids.begin(), ids.end());
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    std::vector<Ray> rays;
+    for (const base::Observation& observation : sorted[i]->observations) {
+      if (observation.status != base::ObservationStatus::kCoded) continue;
+      const auto point = std::lower_bound(survey.ids.begin(), survey.ids.end(), observation.id) - survey.ids.begin();
+      rays.push_back({static_cast<int>(i), static_cast<int>(point), observation.centre_px, observation.cov_px2,
+                      observation.semi_major_px, false});
+    }
+    std::sort(rays.begin(), rays.end(), [](const Ray& a, const Ray& b) {
+      return std::tie(a.point, a.measured_px.y(), a.measured_px.x()) < std::tie(b.point, b.measured_px.y(), b.measured_px.x());
+    });
+    for (std::size_t k = 1; k < rays.size(); ++k) {
+      if (rays[k].point == rays[k - 1].point) rays[k].twin = rays[k - 1].twin = true;
+    }
+    survey.rays.insert(survey.rays.end(), rays.begin(), rays.end());
+  }
+  survey.rays_of_image.resize(survey.images.size());
+  survey.rays_of_point.resize(survey.ids.size());
+  for (std::size_t r = 0; r < survey.rays.size(); ++r) {
+    survey.rays_of_image[static_cast<std::size_t>(survey.rays[r].image)].push_back(static_cast<int>(r));
+    survey.rays_of_point[static_cast<std::size_t>(survey.rays[r].point)].push_back(static_cast<int>(r));
+  }
+  return {};
+}
+
+Result<> add_bars(const base::Network& network, Survey& survey) {
+  int defining = 0;
+  int used = 0;
+  for (const base::ScaleBar& bar : network.scale_bars) {
+    const std::string name = fmt::format("scale bar {}-{}", bar.id_a, bar.id_b);
+    if (bar.id_a == bar.id_b) return fail(ErrorCode::kBadInput, name + " has the same point at both ends");
+    if (!(bar.length_mm > 0.0) || !std::isfinite(bar.length_at_temperature_mm())) {
+      return fail(ErrorCode::kBadInput, fmt::format("{}: a length of {} mm is not possible", name, bar.length_mm));
+    }
+    const bool is_used = bar.role == base::ScaleBarRole::kUsed;
+    if (!std::isfinite(bar.sigma_mm) || bar.sigma_mm < 0.0 || (is_used && bar.sigma_mm == 0.0)) {
+      return fail(ErrorCode::kBadInput, fmt::format("{}: a used bar needs a positive sigma, not {} mm", name, bar.sigma_mm));
+    }
+    const auto find = [&](int id) { return std::lower_bound(survey.ids.begin(), survey.ids.end(), id); };
+    const auto a = find(bar.id_a);
+    const auto b = find(bar.id_b);
+    const bool seen = a != survey.ids.end() && *a == bar.id_a && b != survey.ids.end() && *b == bar.id_b;
+    if (!seen) {
+      survey.warnings.push_back({"bar_not_seen", name, name + " is not measured: an end of it is seen in no image"});
+      continue;
+    }
+    defining += bar.role == base::ScaleBarRole::kDefines ? 1 : 0;
+    used += is_used ? 1 : 0;
+    survey.bars.push_back({static_cast<int>(a - survey.ids.begin()), static_cast<int>(b - survey.ids.begin()), bar});
+  }
+  std::stable_sort(survey.bars.begin(), survey.bars.end(), [](const Bar& x, const Bar& y) {
+    return std::tie(x.bar.id_a, x.bar.id_b) < std::tie(y.bar.id_a, y.bar.id_b);
+  });
+  if (defining > 1 || (defining == 1 && used > 0)) {
+    return fail(ErrorCode::kBadInput,
+                "more than one length defines the scale; let one define it, or give each a sigma and the role used");
+  }
+  survey.scale_is_free = network.scale_is_free;
+  if (defining + used == 0 && !network.scale_is_free) {
+    return fail(ErrorCode::kNoUniqueSolution,
+                "nothing determines the scale: give a scale bar whose ends are both seen, or a known distance, or say that the "
+                "scale is free");
+  }
+  if (defining + used > 0 && network.scale_is_free) {
+    return fail(ErrorCode::kBadInput, "the scale is said to be free, yet a bar is to determine it; choose one of the two");
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<Survey> make_survey(const base::Network& network) {
+  Survey survey;
+  if (auto ok = add_cameras(network, survey); !ok) return fail(std::move(ok));
+  if (auto ok = add_images(network, survey); !ok) return fail(std::move(ok));
+  if (survey.images.size() < 2) {
+    return fail(ErrorCode::kNoUniqueSolution,
+                "one image does not determine depths; at least two from different places are needed");
+  }
+  if (survey.rays.empty()) {
+    return fail(ErrorCode::kNoUniqueSolution,
+                "no coded marker was read in any image; check the marker family and the ids in use");
+  }
+  if (auto ok = add_bars(network, survey); !ok) return fail(std::move(ok));
+  repair_covariances(survey);
+  return survey;
+}
+
+}  // namespace crosstie::bundle::detail

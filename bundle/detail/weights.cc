@@ -1,0 +1,115 @@
+#include "bundle/detail/weights.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+namespace crosstie::bundle::detail {
+namespace {
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+Weights::Weights(const Survey& survey, const AdjustOptions& options) {
+  for (const Ray& ray : survey.rays) detector_.push_back(ray.cov_px2);
+  if (options.weights == ImageWeights::kEqual) {
+    equal_sigma_px_ = options.sigma_px;
+  } else if (options.model_sigma_px) {
+    model_sigma_px_ = *options.model_sigma_px;
+  } else {
+    estimated_ = true;
+  }
+}
+
+Eigen::Matrix2d Weights::covariance(int ray) const {
+  if (equal_sigma_px_ > 0.0) return equal_sigma_px_ * equal_sigma_px_ * Eigen::Matrix2d::Identity();
+  return detector_[static_cast<std::size_t>(ray)] + model_sigma_px_ * model_sigma_px_ * Eigen::Matrix2d::Identity();
+}
+
+std::vector<Eigen::Matrix2d> Weights::whitening() const {
+  std::vector<Eigen::Matrix2d> result;
+  for (std::size_t r = 0; r < detector_.size(); ++r) {
+    const Eigen::LLT<Eigen::Matrix2d> llt(covariance(static_cast<int>(r)));
+    result.push_back(llt.matrixL().solve(Eigen::Matrix2d::Identity()));
+  }
+  return result;
+}
+
+void Weights::guess(double robust_sigma_px) {
+  if (!estimated_) return;
+  std::vector<double> variances;
+  for (const Eigen::Matrix2d& cov : detector_) variances.push_back(0.5 * cov.trace());
+  model_sigma_px_ = std::sqrt(std::max(0.0, robust_sigma_px * robust_sigma_px - median(variances)));
+}
+
+double Weights::update(const Survey& survey, const Estimate& at, bool robust) {
+  constexpr double kChiSquare2Median = 1.3862943611198906;  // 2 ln 2
+  if (!estimated_) return 0.0;
+  struct Item {
+    Eigen::Matrix2d detector;
+    Eigen::Vector2d residual_px;
+    double redundancy;
+  };
+  std::vector<Item> items;
+  std::vector<char> active(survey.rays.size(), 0);
+  double redundancy = 0.0;
+  for (int g = 0; g < at.rows.group_count(); ++g) {
+    const int r = at.network.ray_of_group[static_cast<std::size_t>(g)];
+    if (r < 0) continue;
+    active[static_cast<std::size_t>(r)] = 1;
+    const Eigen::LLT<Eigen::Matrix2d> llt(covariance(r));
+    const Eigen::Vector2d residual = llt.matrixL() * at.rows.residual(g);
+    const double number = at.residual_cofactors[static_cast<std::size_t>(g)].trace();
+    items.push_back({detector_[static_cast<std::size_t>(r)], residual, number});
+    redundancy += number;
+  }
+  const auto excess = [&](double variance) {  // positive where the sigmas are too small
+    if (robust) {
+      std::vector<double> squares;
+      for (const Item& item : items) {
+        if (item.redundancy < 0.2) continue;
+        const Eigen::Matrix2d cov = item.detector + variance * Eigen::Matrix2d::Identity();
+        squares.push_back(item.residual_px.dot(cov.inverse() * item.residual_px) * 2.0 / item.redundancy);
+      }
+      return median(std::move(squares)) - kChiSquare2Median;
+    }
+    double sum = 0.0;
+    for (const Item& item : items) {
+      const Eigen::Matrix2d cov = item.detector + variance * Eigen::Matrix2d::Identity();
+      sum += item.residual_px.dot(cov.inverse() * item.residual_px);
+    }
+    return sum - redundancy;
+  };
+  const double before = unit_sigma_px(active);
+  double low = 0.0;
+  double high = 1e-6;
+  if (excess(0.0) > 0.0) {
+    while (excess(high) > 0.0 && high < 1e6) high *= 4.0;
+    for (int i = 0; i < 100 && high - low > 1e-14 * high; ++i) {
+      const double middle = 0.5 * (low + high);
+      (excess(middle) > 0.0 ? low : high) = middle;
+    }
+    model_sigma_px_ = std::sqrt(0.5 * (low + high));
+  } else {
+    model_sigma_px_ = 0.0;
+  }
+  return std::abs(unit_sigma_px(active) / before - 1.0);
+}
+
+double Weights::unit_sigma_px(const std::vector<char>& active) const {
+  std::vector<double> sigmas;
+  for (std::size_t r = 0; r < detector_.size(); ++r) {
+    if (active[r]) sigmas.push_back(std::sqrt(0.5 * covariance(static_cast<int>(r)).trace()));
+  }
+  return median(std::move(sigmas));
+}
+
+}  // namespace crosstie::bundle::detail
