@@ -30,7 +30,7 @@ struct MaximumPermissibleError {
 
 struct CompareOptions {
   Fit fit = Fit::kRigid;
-  /// Ids that are left out of everything (not in the fit, the statistics or the lengths).
+  /// Ids that are listed with their deviation but take no part in the fit, the statistics and the lengths.
   std::vector<int> exclude_ids;
   /// True: each point enters the fit with the inverse of its predicted covariance; needs a covariance for every pair. False,
   /// the default: unit weights, which is what AICON, Tritop and SpatialAnalyzer report as a best fit.
@@ -61,7 +61,7 @@ struct CompareOptions {
 /// Errors: no common id, an id twice, values that are not finite, a left-handed or mirrored list, units that differ by 25.4,
 /// 1000 or a similar factor (kBadInput, naming the cause); fewer than 3 common points or points on one line
 /// (kNoUniqueSolution), neither of which matters to kNone.
-/// Warnings: "gross_point", "permuted_axes", "poor_fit", "few_points", "no_sigma".
+/// Warnings: "gross_point", "permuted_axes", "poor_fit", "scale_mismatch", "frames_differ", "few_points", "no_sigma".
 base::Result<base::Verification> compare(const base::PointList& measured, const base::PointList& reference,
                                          const CompareOptions& options = {});
 

@@ -1,0 +1,34 @@
+'use strict';
+// Columns sort on a click: numbers by their exact value (data-v), text by itself; cells without a number go last.
+for (const table of document.querySelectorAll('table')) {
+  const body = table.tBodies[0];
+  if (!body || body.rows.length < 2) continue;
+  const heads = Array.from(table.tHead.rows[0].cells);
+  heads.forEach((head, column) => {
+    const label = head.querySelector('span');
+    const button = document.createElement('button');
+    button.type = 'button';
+    button.textContent = label.textContent;
+    label.replaceChildren(button);
+    head.setAttribute('aria-sort', 'none');
+    button.addEventListener('click', () => {
+      const descending = head.getAttribute('aria-sort') === 'ascending';
+      heads.forEach((other) => other.setAttribute('aria-sort', 'none'));
+      head.setAttribute('aria-sort', descending ? 'descending' : 'ascending');
+      const key = (row) => {
+        const cell = row.cells[column];
+        const value = Number(cell.dataset.v === undefined ? NaN : cell.dataset.v);
+        return { value, text: cell.textContent };
+      };
+      const compare = (a, b) => {
+        const numbers = Number.isFinite(a.value) ? 1 : 0;
+        if (numbers !== (Number.isFinite(b.value) ? 1 : 0)) return numbers ? -1 : 1;
+        const order = numbers ? a.value - b.value : a.text.localeCompare(b.text, 'en', { numeric: true });
+        return descending ? -order : order;
+      };
+      const rows = Array.from(body.rows, (row) => ({ row, key: key(row) }));
+      rows.sort((a, b) => compare(a.key, b.key));
+      body.append(...rows.map((entry) => entry.row));
+    });
+  });
+}

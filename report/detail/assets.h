@@ -1,0 +1,12 @@
+#pragma once
+
+#include <string_view>
+
+namespace crosstie::report::detail {
+
+/// Files of report/assets and report/viewer/dist, put into the library at build time (EmbedFile.cmake).
+std::string_view page_css();
+std::string_view page_js();
+std::string_view viewer_js();
+
+}  // namespace crosstie::report::detail

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/network.h"
+#include "report/detail/page.h"
+#include "report/detail/plan_view.h"
+
+namespace crosstie::report::detail {
+
+/// The parts of the bundle report; each returns finished markup.
+std::vector<KeyFigure> bundle_key_figures(const base::AdjustedNetwork& network);
+std::string bundle_adjustment_section(const base::AdjustedNetwork& network);
+std::string bundle_points_section(const base::AdjustedNetwork& network);
+std::string bundle_plan_section(const base::AdjustedNetwork& network);
+std::string bundle_images_section(const base::AdjustedNetwork& network);
+std::string bundle_cameras_section(const base::AdjustedNetwork& network);
+std::string bundle_residuals_section(const base::AdjustedNetwork& network);
+std::string bundle_scale_section(const base::AdjustedNetwork& network);
+std::string bundle_rejected_section(const base::AdjustedNetwork& network);
+
+/// Points with their ellipses as the plan views draw them.
+std::vector<PlanPoint> plan_points(const base::AdjustedNetwork& network);
+/// Magnification at which the ellipses can be seen, for the plan views and the 3D view alike.
+double ellipse_magnification(const base::AdjustedNetwork& network);
+
+}  // namespace crosstie::report::detail

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/network.h"
+#include "base/verification.h"
+
+namespace crosstie::report::detail {
+
+/// The 3D view's data as JSON that may stand inside a script element; the keys are those of viewer/src/scene.ts.
+/// Points that are not finite are left out. `magnification` is that of ellipsoids and arrows to begin with.
+std::string network_scene(const base::AdjustedNetwork& network, double magnification);
+std::string verification_scene(const base::Verification& verification, double magnification);
+
+/// The three semi-axes (one sigma) of a covariance's ellipsoid as columns; zero where it is not finite.
+Eigen::Matrix3d ellipsoid_axes(const Eigen::Matrix3d& cov);
+
+/// The largest of them.
+double largest_sigma(const Eigen::Matrix3d& cov);
+
+}  // namespace crosstie::report::detail

@@ -1,0 +1,45 @@
+// The scene as the report writes it: JSON in a script element. Lengths in mm, in the frame that the report names.
+
+export type Triple = [number, number, number];
+
+export interface ScenePoint {
+  id: string;
+  p: Triple;
+  /** Semi-axes of the error ellipsoid (one sigma): three vectors, one after the other. */
+  axes: number[];
+  /** What colours the point, in the legend's unit. */
+  value: number;
+  /** Lines of text shown when the point is selected. */
+  about: string[];
+  /** Indices of the cameras that saw it. */
+  seen: number[];
+  /** Deviation vector, in a verification. */
+  d?: Triple;
+}
+
+export interface SceneCamera {
+  name: string;
+  /** Projection centre and the four corners of the image plane at a depth of 1: directions, row by row. */
+  centre: Triple;
+  corners: [Triple, Triple, Triple, Triple];
+  /** Group for the colour: index of its camera. */
+  group: number;
+}
+
+export interface SceneBar {
+  a: Triple;
+  b: Triple;
+  name: string;
+}
+
+export interface Scene {
+  points: ScenePoint[];
+  cameras: SceneCamera[];
+  bars: SceneBar[];
+  legend: { label: string; min: number; max: number };
+  /** Magnification to begin with, of ellipsoids and arrows. */
+  magnification: number;
+  /** Which way is up in the first view, and from where it looks. */
+  up: Triple;
+  towards: Triple;
+}
