@@ -53,9 +53,7 @@ ImageView Image::view() const {
 Result<Image> read_image(const std::filesystem::path& path) {
   auto file = load(path);
   if (!file) return fail(std::move(file));
-  if (auto whole = detail::check_whole(file->bytes, file->header); !whole) return refused(path, whole.error());
-  auto image = file->header.format == detail::ImageFormat::kJpeg ? detail::decode_jpeg(file->bytes, file->header)
-                                                                 : detail::decode_with_opencv(file->bytes, file->header);
+  auto image = detail::decode(file->bytes, file->header);
   if (!image) return refused(path, image.error());
   return *std::move(image);
 }

@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::size_t kMaxTableBytes = std::size_t{256} << 20;
 constexpr std::size_t kMaxColumns = 1000;
+constexpr std::size_t kMaxNameLength = 200;
 
 /// A cell as an error message shows it.
 std::string excerpt(std::string_view cell) {
@@ -41,6 +42,7 @@ Result<> check_columns(const Table& table, int line) {
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const std::string& name = table.columns[i];
     if (name.empty()) return error(fmt::format("column {} has no name", i + 1));
+    if (name.size() > kMaxNameLength) return error(fmt::format("column {} has a name of {} bytes", i + 1, name.size()));
     if (parse_double(name)) {
       return error(fmt::format("the first line must name the columns, but reads \"{}\" in column {}", excerpt(name), i + 1));
     }

@@ -10,8 +10,6 @@
 namespace crosstie::base::detail {
 namespace {
 
-tl::unexpected<std::string> bad(std::string_view reason) { return tl::unexpected<std::string>(std::string(reason)); }
-
 /// libjpeg ends a decoding through its error manager, which must not return; longjmp is its documented way out. Nothing with a
 /// destructor is created between setjmp and longjmp.
 struct ErrorManager {
@@ -67,7 +65,7 @@ Decoded<ImageHeader> read_jpeg_header(std::string_view bytes) {
   // ISO/IEC 10918-1, annex B: segments of a marker and a length, until a start of frame.
   std::size_t at = 2;
   while (at + 4 <= bytes.size()) {
-    if (byte_at(bytes, at) != 0xFF) return bad("the file is damaged: a JPEG marker is missing");
+    if (byte_at(bytes, at) != 0xFF) return undecodable("the file is damaged: a JPEG marker is missing");
     const std::uint8_t marker = byte_at(bytes, at + 1);
     if (marker == 0xFF) {  // a fill byte
       ++at;
@@ -76,29 +74,27 @@ Decoded<ImageHeader> read_jpeg_header(std::string_view bytes) {
     const bool frame = marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
     if (frame) {
       if (at + 9 > bytes.size()) break;
-      ImageHeader header;
-      header.format = ImageFormat::kJpeg;
-      header.info = {big16(bytes, at + 7), big16(bytes, at + 5), byte_at(bytes, at + 4)};
-      return header;
+      return image_header(ImageFormat::kJpeg, big16(bytes, at + 7), big16(bytes, at + 5), byte_at(bytes, at + 4));
     }
-    if (marker == 0xDA || marker == 0xD9) return bad("the file is damaged: a JPEG without a frame");
+    if (marker == 0xDA || marker == 0xD9) return undecodable("the file is damaged: a JPEG without a frame");
     const std::size_t length = big16(bytes, at + 2);
-    if (length < 2) return bad("the file is damaged: a JPEG segment without a length");
+    if (length < 2) return undecodable("the file is damaged: a JPEG segment without a length");
     at += 2 + length;
   }
-  return bad("the file is cut off");
+  return undecodable(kCutOff);
 }
 
 Decoded<Image> decode_jpeg(std::string_view bytes, const ImageHeader& header) {
-  if (header.info.bits != 8) return bad("a JPEG that has not 8 bits");
+  if (header.info.bits != 8) return undecodable("a JPEG that has not 8 bits");
   // A decoder that runs out of data invents an end of image; the warning about it is caught, but the marker costs nothing to
   // see.
-  if (bytes.rfind("\xff\xd9") == std::string_view::npos) return bad("the file is cut off: it has no end-of-image marker");
+  if (bytes.rfind("\xff\xd9") == std::string_view::npos)
+    return undecodable("the file is cut off: it has no end-of-image marker");
   Image image(header.info.width, header.info.height, 8);
   ErrorManager manager{};
   if (!decode(bytes, manager, image.row<unsigned char>(0), static_cast<JDIMENSION>(header.info.width),
               static_cast<JDIMENSION>(header.info.height))) {
-    return bad("the file is damaged: " + std::string(manager.message));
+    return undecodable("the file is damaged: " + std::string(manager.message));
   }
   return image;
 }
