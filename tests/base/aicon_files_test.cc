@@ -60,7 +60,9 @@ TEST(AiconFiles, ReadsARealProject) {
   const auto reference = read_table(folder / "reference_observations.csv");
   ASSERT_TRUE(reference) << reference.error().message;
   std::map<std::pair<int, int>, Eigen::Vector2d> by_ids;
-  for (const auto& o : *observations) by_ids[{o.image, o.point}] = o.xy_mm;
+  for (const auto& o : *observations) {
+    if (o.active) by_ids[{o.image, o.point}] = o.xy_mm;
+  }
   ASSERT_EQ(reference->rows.size(), 9972U);
   for (std::size_t row = 0; row < reference->rows.size(); ++row) {
     const auto found = by_ids.find({*reference->integer(row, 0), *reference->integer(row, 1)});
@@ -137,6 +139,7 @@ TEST(AiconFiles, DamageIsNamedWithFileAndLine) {
   EXPECT_EQ(message("a.phc", observation), "");
   EXPECT_THAT(message("a.phc", ""), HasSubstr("holds nothing"));
   EXPECT_THAT(message("a.phc", observation + "1 7 7.1 x 0.1 0.1 0 0 1 1 1\n"), HasSubstr("a.phc:2: \"x\""));
+  EXPECT_EQ(message("a.phc", observation + "1 6 7.2 3.5 0.0001 0.0001 0 0 1 0 1\n"), "") << "two candidates for a point";
   EXPECT_THAT(message("a.phc", observation + observation), HasSubstr("a.phc:2: this entry stands there twice"));
   EXPECT_THAT(message("a.phc", "1 6 7.1 3.5 0.0001 0.0001 0 0 1 1\n"), HasSubstr("a.phc:1: flag (internal) is missing"));
   EXPECT_THAT(message("a.phc", "1 6 7.1 3.5 0.0001 0.0001 0 0 1 1 1 1\n"), HasSubstr("a.phc:1: more columns"));
@@ -145,6 +148,7 @@ TEST(AiconFiles, DamageIsNamedWithFileAndLine) {
   EXPECT_THAT(message("a.phc", "1 99999999999 7 3.5 0.0001 0.0001 0 0 1 1 1\n"), HasSubstr("a.phc:1: "));
   EXPECT_THAT(message("a.obc", "6 1 2 3 0.1 fix 0.1 66 1\n"), HasSubstr("a.obc:1: sigmas for some"));
   EXPECT_THAT(message("a.obc", "6 1 2 3 0.1 -1 0.1 66 1\n"), HasSubstr("a.obc:1: sigma is negative"));
+  EXPECT_THAT(message("a.obc", "6 1 2 3 fix fix fix 1 1\n6 1 2 3 fix fix fix 1 1\n"), HasSubstr("a.obc:2: this entry"));
   EXPECT_THAT(message("a.eor", "1 1 0 0 0 0 0\n"), HasSubstr("a.eor:1: angle is missing"));
   const std::string camera = "1 -999 -28.7 0.01 0.05 -1e-004 1e-7 13.4\n0\n5e-6 -8e-6\n-7e-5 -3e-5\n35.9 23.9 8688 5792\n";
   EXPECT_EQ(message("a.ior", camera), "");

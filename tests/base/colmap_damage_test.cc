@@ -70,7 +70,7 @@ TEST(ColmapDamage, FlippedBitsNeverCrash) {
   for (const ColmapFormat format : {ColmapFormat::kText, ColmapFormat::kBinary}) {
     const WrittenModel written(format);
     int refused = 0;
-    constexpr int kTrials = 300;
+    constexpr int kTrials = 150;
     for (int trial = 0; trial < kTrials; ++trial) {
       const fs::path file =
           written.folder / (std::string(kNames[trial % 3]) + (format == ColmapFormat::kText ? ".txt" : ".bin"));
