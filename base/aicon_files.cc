@@ -109,7 +109,8 @@ Result<std::vector<AiconImagePoint>> read_aicon_image_points(const std::filesyst
         point.internal = scanner.integer("flag (internal)");
         return point;
       },
-      [](const AiconImagePoint& point) { return std::pair(point.image, point.point); });
+      // A point that two dots of an image may be is listed twice, so rows are told apart by where they are.
+      [](const AiconImagePoint& point) { return std::tuple(point.image, point.point, point.xy_mm.x(), point.xy_mm.y()); });
 }
 
 Result<std::vector<AiconObjectPoint>> read_aicon_object_points(const std::filesystem::path& obc) {

@@ -19,7 +19,8 @@ namespace crosstie::base {
 // All readers: files over 1 GiB, other numbers of columns, values that are not finite, ids that are not non-negative integers,
 // double entries and files without any entry are Errors (kBadInput) with file and line. `fix` in place of a sigma is nothing.
 
-/// A row of a `.phc` file: image point sx sy vx vy method active internal.
+/// A row of a `.phc` file: image point x y sx sy vx vy method active internal. One image may list a point
+/// several times, as candidates.
 struct AiconImagePoint {
   int image = 0;
   int point = 0;
