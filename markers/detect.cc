@@ -42,7 +42,7 @@ Result<> DetectOptions::validate() const {
   const auto wrong = [](std::string_view field, double value, std::string_view domain) {
     return fail(ErrorCode::kUsage, fmt::format("option {} is {}, but must be {}", field, value, domain));
   };
-  if (!(min_radius_px >= 2.0)) return wrong("min_radius_px", min_radius_px, "at least 2");
+  if (!(min_radius_px >= 1.5)) return wrong("min_radius_px", min_radius_px, "at least 1.5");
   if (!(max_radius_px == 0.0 || max_radius_px > min_radius_px)) {
     return wrong("max_radius_px", max_radius_px, "0 or larger than min_radius_px");
   }

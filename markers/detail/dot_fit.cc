@@ -9,15 +9,16 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "markers/detail/dot_pixels.h"
+#include "markers/detail/dot_model.h"
 
 namespace crosstie::markers::detail {
 namespace {
 
-enum Parameter { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy, kParameters };
+using State = DotState;
+using Model = DotModel;
+constexpr int kParameters = kDotParameters;
 constexpr int kExtended = kParameters + kHarmonicDof;
 
-using State = Eigen::Matrix<double, kParameters, 1>;
 using Normal = Eigen::Matrix<double, kParameters, kParameters>;
 using ExtendedNormal = Eigen::Matrix<double, kExtended, kExtended>;
 using ExtendedVector = Eigen::Matrix<double, kExtended, 1>;
@@ -26,8 +27,10 @@ constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box
 constexpr double kSlopeSigma = 0.15;      // a priori: change of a level per dot radius, of the contrast
 constexpr double kOutlier = 4.0;          // standard deviations from which on a pixel loses weight
 constexpr double kQuantisation = 0.3;     // grey levels: no pixel is better than the rounding of its level
-constexpr double kConvergedPx = 1e-5;
-constexpr int kMaxIterations = 25;
+constexpr double kRoughlyConvergedPx = 1e-2;
+constexpr double kConvergedPx = 1e-4;
+constexpr int kMaxIterations = 20;
+constexpr double kHopeless = 0.3;  // RMS of the residuals over the contrast: not a dot
 
 /// Standard deviations in grey levels: at the dark and the bright end of the edge, and per grey level of slope.
 struct NoiseModel {
@@ -38,77 +41,6 @@ struct NoiseModel {
   [[nodiscard]] double variance(double inside, double slope) const {
     return outer * outer + (inner * inner - outer * outer) * inside + edge_px * edge_px * slope * slope;
   }
-};
-
-/// The model at one pixel.
-struct Prediction {
-  double grey;    // cut off at saturation
-  double inside;  // Phi(-d / blur)
-  double slope;   // d grey / d d, negative for bright dots; 0 where cut off
-  double distance;
-  double ex, ey;    // relative to the centre
-  double nx, ny;    // outward normal
-  double gradient;  // |A e|
-  bool cut_off;
-};
-
-class Model {
- public:
-  Model(const State& state, double radius_px, double saturated_level)
-      : s_(state), radius_px_(radius_px), saturated_level_(saturated_level) {}
-
-  [[nodiscard]] Prediction at(const DotPixel& pixel) const {
-    Prediction p;
-    p.ex = pixel.x - s_[kCx];
-    p.ey = pixel.y - s_[kCy];
-    const double gx = s_[kAxx] * p.ex + s_[kAxy] * p.ey;
-    const double gy = s_[kAxy] * p.ex + s_[kAyy] * p.ey;
-    const double rho = std::sqrt(std::max(p.ex * gx + p.ey * gy, 1e-12));
-    p.gradient = std::max(std::sqrt(gx * gx + gy * gy), 1e-12);
-    p.nx = gx / p.gradient;
-    p.ny = gy / p.gradient;
-    p.distance = (rho - 1.0) * rho / p.gradient;
-    const double t = p.distance / s_[kBlur];
-    const double outer = s_[kO] + (s_[kOx] * p.ex + s_[kOy] * p.ey) / radius_px_;
-    const double inner = s_[kI] + (s_[kIx] * p.ex + s_[kIy] * p.ey) / radius_px_;
-    p.inside = 0.5 * std::erfc(t * std::numbers::sqrt2 * 0.5);
-    p.grey = outer + (inner - outer) * p.inside;
-    p.slope = -(inner - outer) * std::exp(-0.5 * t * t) * (std::numbers::inv_sqrtpi / std::numbers::sqrt2) / s_[kBlur];
-    p.cut_off = p.grey >= saturated_level_;
-    if (p.cut_off) {
-      p.grey = saturated_level_;
-      p.slope = 0.0;
-    }
-    return p;
-  }
-
-  /// Derivatives of the grey level by the parameters; the first kParameters entries of `j`.
-  template <typename Vector>
-  void derivatives(const Prediction& p, Vector& j) const {
-    if (p.cut_off) {
-      j.template head<kParameters>().setZero();
-      return;
-    }
-    j[kCx] = -p.slope * p.nx;
-    j[kCy] = -p.slope * p.ny;
-    const double k = 0.5 * p.slope / p.gradient;
-    j[kAxx] = k * p.ex * p.ex;
-    j[kAxy] = 2.0 * k * p.ex * p.ey;
-    j[kAyy] = k * p.ey * p.ey;
-    j[kBlur] = -p.slope * p.distance / s_[kBlur];
-    const double outside = 1.0 - p.inside;
-    j[kO] = outside;
-    j[kOx] = outside * p.ex / radius_px_;
-    j[kOy] = outside * p.ey / radius_px_;
-    j[kI] = p.inside;
-    j[kIx] = p.inside * p.ex / radius_px_;
-    j[kIy] = p.inside * p.ey / radius_px_;
-  }
-
- private:
-  const State& s_;
-  double radius_px_;
-  double saturated_level_;
 };
 
 double residual_of(const DotPixel& pixel, const Prediction& p, double saturated_level) {
@@ -132,6 +64,16 @@ double median_of(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+/// n += w j j^T, upper triangle.
+template <int N>
+void add_outer_product(const Eigen::Matrix<double, N, 1>& j, double w, Eigen::Matrix<double, N, N>& n) {
+  double* column = n.data();
+  for (int b = 0; b < N; ++b, column += N) {
+    const double wj = w * j[b];
+    for (int a = 0; a <= b; ++a) column[a] += wj * j[a];
+  }
 }
 
 /// Median of |residual| as a standard deviation over three classes of pixels.
@@ -177,13 +119,20 @@ void add_priors(const State& state, const State& start, Normal& n, State& b) {
   b[kBlur] += start[kBlur] - state[kBlur];
 }
 
-double total_cost(const std::vector<DotPixel>& pixels, const State& state, double radius_px, double saturated_level,
-                  const NoiseModel& noise, const std::vector<double>& variances) {
-  (void)noise;
-  const Model model(state, radius_px, saturated_level);
+double prior_cost(const State& state, const State& start) {
+  const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
+  double cost = std::pow(state[kBlur] - start[kBlur], 2) + std::pow((state[kI] - start[kI]) / contrast, 2);
+  for (const int k : {kOx, kOy, kIx, kIy}) cost += std::pow(state[k] / (kSlopeSigma * contrast), 2);
+  return cost;
+}
+
+/// Evaluates the model at all pixels and returns the cost.
+double evaluate(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level,
+                const std::vector<double>& variances, std::vector<Prediction>& predictions) {
   double cost = 0.0;
   for (std::size_t i = 0; i < pixels.size(); ++i) {
-    cost += robust_cost(residual_of(pixels[i], model.at(pixels[i]), saturated_level), variances[i]);
+    predictions[i] = model.at(pixels[i]);
+    cost += robust_cost(residual_of(pixels[i], predictions[i], saturated_level), variances[i]);
   }
   return cost;
 }
@@ -193,35 +142,51 @@ bool plausible(const State& s, double radius_px) {
          s[kAxx] * s[kAyy] > s[kAxy] * s[kAxy] && std::hypot(s[kCx], s[kCy]) < radius_px;
 }
 
-/// Levenberg-Marquardt on fixed pixels and a fixed noise model. False where it gets nowhere.
-bool adjust(const std::vector<DotPixel>& pixels, const NoiseModel& noise, double radius_px, double saturated_level,
-            const State& start, State& state) {
+/// What one adjustment works on.
+struct Problem {
+  const std::vector<DotPixel>& pixels;
+  NoiseModel noise;
+  double radius_px;
+  double saturated_level;
+  const State& start;
+};
+
+/// Levenberg-Marquardt on fixed pixels and fixed variances, until a step moves the edge by less than `converged_px`.
+void adjust(const Problem& problem, double converged_px, int max_iterations, State& state) {
+  const std::vector<DotPixel>& pixels = problem.pixels;
   std::vector<double> variances(pixels.size());
+  std::vector<Prediction> predictions(pixels.size());
+  std::vector<Prediction> tried(pixels.size());
   {
-    const Model model(state, radius_px, saturated_level);
+    const Model model(state, problem.radius_px, problem.saturated_level);
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       const Prediction p = model.at(pixels[i]);
-      variances[i] = noise.variance(p.inside, p.slope);
+      variances[i] = problem.noise.variance(p.inside, p.slope);
     }
   }
-  double cost = total_cost(pixels, state, radius_px, saturated_level, noise, variances);
+  const auto cost_of = [&](const State& at, std::vector<Prediction>& out) {
+    const Model model(at, problem.radius_px, problem.saturated_level);
+    return prior_cost(at, problem.start) + evaluate(pixels, model, problem.saturated_level, variances, out);
+  };
+  const double radius3 = std::pow(problem.radius_px, 3);
+  double cost = cost_of(state, predictions);
   double damping = 1e-4;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const Model model(state, radius_px, saturated_level);
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    const Model model(state, problem.radius_px, problem.saturated_level);
     Normal n = Normal::Zero();
     State b = State::Zero();
     State j;
     for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const Prediction p = model.at(pixels[i]);
+      const Prediction& p = predictions[i];
       if (p.cut_off) continue;
-      const double r = residual_of(pixels[i], p, saturated_level);
+      const double r = residual_of(pixels[i], p, problem.saturated_level);
       const double w = robust_weight(r, variances[i]) / variances[i];
       model.derivatives(p, j);
-      n.selfadjointView<Eigen::Upper>().rankUpdate(j, w);
+      add_outer_product(j, w, n);
       b += (w * r) * j;
     }
     n.triangularView<Eigen::StrictlyLower>() = n.transpose();
-    add_priors(state, start, n, b);
+    add_priors(state, problem.start, n, b);
     bool lowered = false;
     double step_px = 0.0;
     for (int attempt = 0; attempt < 8 && !lowered; ++attempt) {
@@ -230,23 +195,28 @@ bool adjust(const std::vector<DotPixel>& pixels, const NoiseModel& noise, double
       const State step = damped.ldlt().solve(b);
       State next = state + step;
       next[kBlur] = std::max(next[kBlur], kSmallestBlurPx);
-      if (plausible(next, radius_px)) {
-        const double next_cost = total_cost(pixels, next, radius_px, saturated_level, noise, variances);
-        if (next_cost <= cost * (1.0 + 1e-9)) {
+      if (plausible(next, problem.radius_px)) {
+        const double next_cost = cost_of(next, tried);
+        if (next_cost <= cost) {
           step_px = std::hypot(step[kCx], step[kCy]) + std::abs(next[kBlur] - state[kBlur]) +
-                    0.5 * radius_px * radius_px * radius_px * (std::abs(step[kAxx]) + std::abs(step[kAyy]));
+                    0.5 * radius3 * (std::abs(step[kAxx]) + std::abs(step[kAyy]));
           state = next;
           cost = next_cost;
+          predictions.swap(tried);
           lowered = true;
           damping = std::max(damping * 0.1, 1e-9);
         }
       }
       if (!lowered) damping = std::max(damping * 10.0, 1e-4);
     }
-    if (!lowered) return iteration > 0;
-    if (step_px < kConvergedPx) return true;
+    if (!lowered || step_px < converged_px) return;  // no step lowers the cost: as good as it gets
   }
-  return true;
+}
+
+double rms_residual(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level) {
+  double squares = 0.0;
+  for (const DotPixel& pixel : pixels) squares += std::pow(residual_of(pixel, model.at(pixel), saturated_level), 2);
+  return std::sqrt(squares / static_cast<double>(pixels.size()));
 }
 
 double level_of(const std::vector<DotPixel>& pixels, const Eigen::Matrix2d& shape, double from_rho, double to_rho) {
@@ -266,9 +236,8 @@ Eigen::Matrix2d shape_of(const State& s) {
 }
 
 /// Covariance of the centre and the power of the harmonics 3..5, from the normal equations extended by them.
-void judge_edge(const std::vector<DotPixel>& pixels, const NoiseModel& noise, const State& state, const State& start,
-                double radius_px, double saturated_level, DotFit& fit) {
-  const Model model(state, radius_px, saturated_level);
+void judge_edge(const Problem& problem, const State& state, DotFit& fit) {
+  const Model model(state, problem.radius_px, problem.saturated_level);
   const Eigen::Matrix2d unit_from_pixel = fit.ellipse.pixel_from_unit().inverse();
   ExtendedNormal n = ExtendedNormal::Zero();
   ExtendedVector b = ExtendedVector::Zero();
@@ -276,12 +245,12 @@ void judge_edge(const std::vector<DotPixel>& pixels, const NoiseModel& noise, co
   double squares = 0.0;
   double edge_weight = 0.0;
   double edge_lost = 0.0;
-  for (const DotPixel& pixel : pixels) {
+  for (const DotPixel& pixel : problem.pixels) {
     const Prediction p = model.at(pixel);
-    const double r = residual_of(pixel, p, saturated_level);
+    const double r = residual_of(pixel, p, problem.saturated_level);
     squares += r * r;
     if (p.cut_off) continue;
-    const double variance = noise.variance(p.inside, p.slope);
+    const double variance = problem.noise.variance(p.inside, p.slope);
     const double w = robust_weight(r, variance);
     edge_weight += p.slope * p.slope;
     edge_lost += p.slope * p.slope * (1.0 - w);
@@ -292,13 +261,13 @@ void judge_edge(const std::vector<DotPixel>& pixels, const NoiseModel& noise, co
       j[kParameters + 2 * h] = -p.slope * std::cos((h + 3) * phi);
       j[kParameters + 2 * h + 1] = -p.slope * std::sin((h + 3) * phi);
     }
-    n.selfadjointView<Eigen::Upper>().rankUpdate(j, w / variance);
+    add_outer_product(j, w / variance, n);
     b += (w / variance * r) * j;
   }
   n.triangularView<Eigen::StrictlyLower>() = n.transpose();
   Normal inner = n.topLeftCorner<kParameters, kParameters>();
   State inner_b = b.head<kParameters>();
-  add_priors(state, start, inner, inner_b);
+  add_priors(state, problem.start, inner, inner_b);
   n.topLeftCorner<kParameters, kParameters>() = inner;
   b.head<kParameters>() = inner_b;
   fit.cov_px2 = inner.ldlt().solve(Normal::Identity()).topLeftCorner<2, 2>();
@@ -309,7 +278,7 @@ void judge_edge(const std::vector<DotPixel>& pixels, const NoiseModel& noise, co
   for (int h = 0; h < kHarmonicDof / 2; ++h) {
     fit.deviation_px = std::max(fit.deviation_px, std::hypot(amplitudes[2 * h], amplitudes[2 * h + 1]));
   }
-  fit.residual = std::sqrt(squares / static_cast<double>(pixels.size()));
+  fit.residual = std::sqrt(squares / static_cast<double>(problem.pixels.size()));
   fit.outlier_fraction = edge_weight > 0.0 ? edge_lost / edge_weight : 1.0;
 }
 
@@ -337,14 +306,23 @@ std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse
   start << 0.0, 0.0, shape(0, 0), shape(0, 1), shape(1, 1), blur_px,
       level_of(pixels, shape, 1.0 + 1.5 / ellipse.semi_minor_px, 9.0), 0.0, 0.0, level_of(pixels, shape, 0.0, 0.8), 0.0, 0.0;
   const double contrast = std::abs(start[kI] - start[kO]);
+  if (contrast < 0.5 * options.min_contrast) return std::nullopt;
+  const double saturated = options.saturated_level;
+  const double rough = std::max(0.03 * contrast, 1.0);
   State state = start;
-  NoiseModel noise{std::max(0.03 * contrast, 1.0), std::max(0.03 * contrast, 1.0), 0.1};
-  if (contrast < 1.0 || !adjust(pixels, noise, radius_px, options.saturated_level, start, state)) return std::nullopt;
+  adjust({pixels, {rough, rough, 0.1}, radius_px, saturated, start}, kRoughlyConvergedPx, kMaxIterations, state);
+  const double rough_contrast = std::abs(state[kI] - state[kO]);
+  if (rough_contrast < options.min_contrast ||
+      rms_residual(pixels, Model(state, radius_px, saturated), saturated) > kHopeless * rough_contrast) {
+    return std::nullopt;
+  }
 
+  NoiseModel noise;
   for (int pass = 0; pass < 2; ++pass) {
     const auto found = Ellipse::from_shape(origin_px + state.head<2>(), shape_of(state));
     if (!found) return std::nullopt;
     ellipse = *found;
+    if (ellipse.semi_minor_px < options.min_radius_px) return std::nullopt;
     const Eigen::Vector2d half = ellipse.half_extent_px();
     if (ellipse.centre_px.x() - half.x() < 0.5 || ellipse.centre_px.y() - half.y() < 0.5 ||
         ellipse.centre_px.x() + half.x() > image.image().width - 1.5 ||
@@ -354,8 +332,8 @@ std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse
     blur_px = state[kBlur];
     pixels = collect_pixels(image, ellipse, outer_rho(options, blur_px, ellipse.semi_minor_px), depth_px(blur_px), origin_px);
     if (pixels.size() < 2 * kParameters) return std::nullopt;
-    noise = noise_of(pixels, Model(state, radius_px, options.saturated_level), options.saturated_level);
-    if (!adjust(pixels, noise, radius_px, options.saturated_level, start, state)) return std::nullopt;
+    noise = noise_of(pixels, Model(state, radius_px, saturated), saturated);
+    adjust({pixels, noise, radius_px, saturated, start}, pass == 0 ? kRoughlyConvergedPx : kConvergedPx, kMaxIterations, state);
   }
 
   const auto found = Ellipse::from_shape(origin_px + state.head<2>(), shape_of(state));
@@ -365,7 +343,7 @@ std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse
   fit.blur_px = state[kBlur];
   fit.inner_level = state[kI];
   fit.outer_level = state[kO];
-  judge_edge(pixels, noise, state, start, radius_px, options.saturated_level, fit);
+  judge_edge({pixels, noise, radius_px, saturated, start}, state, fit);
   return fit;
 }
 

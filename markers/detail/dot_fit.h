@@ -13,6 +13,8 @@ namespace crosstie::markers::detail {
 struct DotFitOptions {
   double gap_outer = 1.8;          ///< [dot radii] where the gap ends and other things begin
   double saturated_level = 253.0;  ///< [grey levels] from here on a pixel is a lower bound
+  double min_contrast = 3.0;       ///< [grey levels] with less than this it is given up early
+  double min_radius_px = 1.5;      ///< [px] the same for the semi-minor axis
 };
 
 /// A blurred ellipse fitted to the grey levels of dot and gap.

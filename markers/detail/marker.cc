@@ -1,7 +1,9 @@
 #include "markers/detail/marker.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
 namespace crosstie::markers::detail {
 namespace {
@@ -9,7 +11,7 @@ namespace {
 using base::ObservationStatus;
 
 // What a dot must be like. Measured on photographs (glare, carbon weave, print, JPEG) and on blurred renderings.
-constexpr double kMaxResidual = 0.12;     // RMS of the fit's residuals over the contrast
+constexpr double kMaxResidual = 0.14;     // RMS of the fit's residuals over the contrast
 constexpr double kMaxOutliers = 0.35;     // share of the edge that may be hidden
 constexpr double kMaxBlur = 0.6;          // over the semi-minor axis
 constexpr double kMaxDeviation = 0.05;    // amplitude of the harmonics 3..5 over the semi-minor axis,
@@ -20,6 +22,29 @@ constexpr double kMaxBrightQuiet = 0.25;  // of the quiet zone's circumference
 constexpr double kPlainRange = 0.35;      // of the contrast: below it there is no ring
 constexpr double kMinGridQuality = 0.25;
 constexpr double kMinRingContrast = 0.4;
+constexpr double kMinSegmentPx = 2.5;  // smallest width of a segment that is read
+
+/// A quick look before the fit: whether nearly everywhere round the candidate it is brighter inside than outside.
+bool looks_like_dot(const Sampler& image, const Candidate& candidate) {
+  constexpr int kDirections = 16;
+  constexpr int kNeeded = 12;
+  const Ellipse& ellipse = candidate.ellipse;
+  const Eigen::Matrix2d pixel_from_unit = ellipse.pixel_from_unit();
+  const double depth_px = std::min(1.5, 0.5 * ellipse.semi_minor_px);
+  std::array<double, kDirections> steps{};
+  for (int k = 0; k < kDirections; ++k) {
+    const double phi = 2.0 * std::numbers::pi * k / kDirections;
+    const Eigen::Vector2d edge = pixel_from_unit * Eigen::Vector2d(std::cos(phi), std::sin(phi));
+    const double share = depth_px / edge.norm();
+    const Eigen::Vector2d inner = ellipse.centre_px + (1.0 - share) * edge;
+    const Eigen::Vector2d outer = ellipse.centre_px + (1.0 + share) * edge;
+    if (!image.inside(inner.x(), inner.y()) || !image.inside(outer.x(), outer.y())) return false;
+    const double step = image.bilinear(inner.x(), inner.y()) - image.bilinear(outer.x(), outer.y());
+    steps[static_cast<std::size_t>(k)] = candidate.bright ? step : -step;
+  }
+  const double largest = *std::max_element(steps.begin(), steps.end());
+  return std::count_if(steps.begin(), steps.end(), [&](double step) { return step > 0.15 * largest; }) >= kNeeded;
+}
 
 bool is_dot(const DotFit& fit, const Candidate& candidate, const ImageView& image, const DetectOptions& options) {
   const double contrast = fit.inner_level - fit.outer_level;
@@ -30,6 +55,12 @@ bool is_dot(const DotFit& fit, const Candidate& candidate, const ImageView& imag
          b >= options.min_radius_px && a <= max_radius_px && b >= options.min_axis_ratio * a &&
          fit.residual <= kMaxResidual * std::abs(contrast) && fit.outlier_fraction <= kMaxOutliers &&
          fit.blur_px <= kMaxBlur * b && fit.deviation_px <= kMaxDeviation * b + kMaxDeviationPx;
+}
+
+/// Width of a segment where tilt shortens it most: along the ring in the middle of its width, or across.
+double narrowest_segment_px(const MarkerFamily& family, const DotFit& dot) {
+  const double along = std::numbers::pi * (family.ring_inner + family.ring_outer) / family.bits;
+  return std::min(along, family.ring_outer - family.ring_inner) * dot.ellipse.semi_minor_px;
 }
 
 void judge_ring(const MarkerFamily& family, const DetectOptions& options, Marker& marker) {
@@ -44,7 +75,7 @@ void judge_ring(const MarkerFamily& family, const DetectOptions& options, Marker
     return;
   }
   const std::optional<int> id = family.id_of_ring(ring.ring);
-  if (!id) {
+  if (!id || narrowest_segment_px(family, marker.dot) < kMinSegmentPx) {
     marker.status = ObservationStatus::kUnreadable;
     return;
   }
@@ -84,7 +115,12 @@ bool read_in_full(const Marker& marker) {
 
 std::optional<Marker> measure_marker(const Sampler& image, const Candidate& candidate, const MarkerFamily& family,
                                      const DetectOptions& options) {
-  const DotFitOptions fit_options{family.ring_inner, options.saturated_level * image.image().white_level};
+  if (!looks_like_dot(image, candidate)) return std::nullopt;
+  const double white_level = image.image().white_level;
+  const DotFitOptions fit_options{.gap_outer = family.ring_inner,
+                                  .saturated_level = options.saturated_level * white_level,
+                                  .min_contrast = options.min_contrast * white_level,
+                                  .min_radius_px = options.min_radius_px};
   const std::optional<DotFit> fit = fit_dot(image, candidate.ellipse, fit_options);
   if (!fit || !is_dot(*fit, candidate, image.image(), options)) return std::nullopt;
   Marker marker;

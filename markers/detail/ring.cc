@@ -104,28 +104,65 @@ std::vector<double> segment_means(const std::vector<double>& ring, int bits, dou
   return means;
 }
 
-/// Splits the segments at the level between the means of both classes.
-void classify(const std::vector<double>& segments, RingReading& reading) {
+/// A way to tell the ones from the zeros.
+struct Split {
   double level = 0.5;
-  double ones = 1.0;
-  double zeros = 0.0;
+  double contrast = 0.0;
+  double margin = 0.0;
+};
+
+/// In even light: at the level between the means of both classes.
+Split split_between_means(const std::vector<double>& segments) {
+  Split split;
   for (int iteration = 0; iteration < 4; ++iteration) {
     double sum1 = 0.0, sum0 = 0.0;
     int n1 = 0, n0 = 0;
     for (const double value : segments) {
-      (value > level ? sum1 : sum0) += value;
-      ++(value > level ? n1 : n0);
+      (value > split.level ? sum1 : sum0) += value;
+      ++(value > split.level ? n1 : n0);
     }
-    ones = n1 > 0 ? sum1 / n1 : 1.0;
-    zeros = n0 > 0 ? sum0 / n0 : 0.0;
-    level = 0.5 * (ones + zeros);
+    const double ones = n1 > 0 ? sum1 / n1 : 1.0;
+    const double zeros = n0 > 0 ? sum0 / n0 : 0.0;
+    split.level = 0.5 * (ones + zeros);
+    split.contrast = ones - zeros;
   }
-  reading.contrast = ones - zeros;
-  reading.margin = 1.0;
+  split.margin = 1.0;
   for (const double value : segments) {
-    reading.ring = (reading.ring << 1) | (value > level ? 1U : 0U);
-    reading.margin = std::min(reading.margin, std::abs(value - level) / std::max(0.5 * reading.contrast, 1e-9));
+    split.margin = std::min(split.margin, std::abs(value - split.level) / std::max(0.5 * split.contrast, 1e-9));
   }
+  return split;
+}
+
+/// Where a shadow lies across the ring, its ones differ by more than ones from zeros; but all zeros are as dark as the gap. The
+/// split is then at the largest step in proportion, from values near the gap's level to others well above it.
+Split split_above_gap(std::vector<double> segments) {
+  constexpr double kDark = 0.12;   // largest value of a zero,
+  constexpr double kBright = 0.2;  // smallest of a one, in contrasts of the dot
+  constexpr double kProportion = 3.0;
+  constexpr double kFloor = 0.05;  // values are not told apart below it
+  std::sort(segments.begin(), segments.end());
+  Split split;
+  for (std::size_t i = 0; i + 1 < segments.size(); ++i) {
+    const double dark = std::max(segments[i], kFloor);
+    const double bright = segments[i + 1];
+    if (segments[i] > kDark || bright < kBright || bright < kProportion * dark) continue;
+    split.level = std::sqrt(dark * bright);
+    split.contrast = segments.back() - segments.front();
+    split.margin = std::min(1.0 - split.level / bright, 1.0 - segments[i] / split.level);
+  }
+  return split;
+}
+
+void classify(const std::vector<double>& segments, RingReading& reading) {
+  Split split = split_between_means(segments);
+  constexpr double kDoubtful = 0.4;
+  if (split.margin < kDoubtful) {
+    const Split in_shadow = split_above_gap(segments);
+    if (in_shadow.margin > split.margin) split = in_shadow;
+  }
+  for (const double value : segments) reading.ring = (reading.ring << 1) | (value > split.level ? 1U : 0U);
+  reading.contrast = split.contrast;
+  reading.margin = split.margin;
 }
 
 }  // namespace

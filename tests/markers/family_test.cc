@@ -1,0 +1,90 @@
+#include "markers/family.h"
+
+#include <fstream>
+#include <map>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/measured_data.h"
+
+namespace crosstie::markers {
+namespace {
+
+std::uint32_t rotated(std::uint32_t ring, int by, int bits) {
+  for (int i = 0; i < by; ++i) ring = ((ring << 1) | (ring >> (bits - 1))) & ((1U << bits) - 1U);
+  return ring;
+}
+
+TEST(MarkerFamily, HasThePublishedNumbersOfCodes) {
+  const std::map<std::string, std::size_t> published = {{"ring10", 54},      {"aicon12", 147},    {"aicon14", 516},
+                                                        {"aicon20", 24793},  {"agisoft12", 161},  {"agisoft14", 561},
+                                                        {"agisoft16", 2001}, {"agisoft20", 26013}};
+  std::map<std::string, std::size_t> counts;
+  for (const std::string& name : marker_family_names()) counts[name] = marker_family(name)->codes.size();
+  EXPECT_EQ(counts, published);
+}
+
+TEST(MarkerFamily, Ring10CodesAreStartSequenceAndGrayCode) {
+  const MarkerFamily family = *marker_family("ring10");
+  for (const MarkerCode& code : family.codes) {
+    EXPECT_EQ(code.code >> 7, 0b110U);
+    std::uint32_t n = 0;  // Gray code back to the number, bit by bit
+    for (int bit = 6; bit >= 0; --bit) n = (n << 1) | (((code.code >> bit) ^ n) & 1U);
+    EXPECT_EQ(static_cast<int>(n), code.id);
+  }
+  EXPECT_EQ(family.codes.front().id, 0);
+}
+
+TEST(MarkerFamily, EveryCodeIsFoundFromEveryRotation) {
+  for (const char* name : {"ring10", "aicon12", "aicon14", "agisoft12", "agisoft14", "agisoft16"}) {
+    const MarkerFamily family = *marker_family(name);
+    std::set<int> ids;
+    for (const MarkerCode& code : family.codes) {
+      EXPECT_TRUE(ids.insert(code.id).second);
+      for (int by = 0; by < family.bits; ++by) {
+        EXPECT_EQ(family.id_of_ring(rotated(code.code, by, family.bits)), code.id) << name;
+      }
+    }
+  }
+}
+
+TEST(MarkerFamily, RingsThatAreNoCodeHaveNoId) {
+  const MarkerFamily family = *marker_family("aicon14");
+  EXPECT_EQ(family.id_of_ring(0), std::nullopt);
+  EXPECT_EQ(family.id_of_ring((1U << 14) - 1U), std::nullopt);
+  for (const MarkerCode& code : family.codes) EXPECT_EQ(family.id_of_ring(code.code ^ 1U), std::nullopt);  // odd
+  // 3 = two neighbours: even, but no opposite pair.
+  EXPECT_EQ(family.id_of_ring(3), std::nullopt);
+}
+
+TEST(MarkerFamily, AiconIdsEqualAiconsTables) {
+  const auto folder = tests::measured_data("aicon-panel");
+  if (folder.empty()) GTEST_SKIP() << "no aicon-panel in CROSSTIE_DATA";
+  for (const int bits : {12, 14, 20}) {
+    const MarkerFamily family = *marker_family("aicon" + std::to_string(bits));
+    std::ifstream table(folder / "aicon_lookup" / (std::to_string(bits) + "bit_lookup.txt"));
+    std::size_t rows = 0;
+    int id = 0;
+    std::uint32_t code = 0;
+    while (table >> id >> code) {
+      ASSERT_LT(rows, family.codes.size());
+      ASSERT_EQ(family.codes[rows].id, id);
+      ASSERT_EQ(family.codes[rows].code, code);
+      ++rows;
+    }
+    EXPECT_EQ(rows, family.codes.size());
+  }
+}
+
+TEST(MarkerFamily, UnknownNamesAreRefusedWithTheNearestOne) {
+  const auto family = marker_family("aicon41");
+  ASSERT_FALSE(family);
+  EXPECT_EQ(family.error().code, base::ErrorCode::kUsage);
+  EXPECT_THAT(family.error().message, testing::HasSubstr("did you mean \"aicon"));
+  EXPECT_THAT(family.error().message, testing::HasSubstr("ring10"));
+}
+
+}  // namespace
+}  // namespace crosstie::markers

@@ -1,0 +1,147 @@
+#include "tests/markers/rendered_marker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include <Eigen/LU>
+
+namespace crosstie::tests {
+namespace {
+
+constexpr int kFine = 10;      // samples per pixel and axis
+constexpr int kMarginPx = 10;  // rendered around the image so that the blur sees what lies beyond
+
+/// Cover of a sample by the inside of a circle: `distance` from the edge in samples, positive inside.
+double cover(double distance) { return std::clamp(0.5 + distance, 0.0, 1.0); }
+
+/// Tone (0..1) at a place in dot radii; `gradient` is d rho / d sample at this place.
+double tone(const MarkerScene& scene, const Eigen::Vector2d& p, double gradient) {
+  const markers::MarkerFamily& family = scene.family;
+  const double rho = p.norm();
+  const auto inside = [&](double radius) { return cover((radius - rho) / gradient); };
+  double value = inside(1.0);
+  if (scene.coded) {
+    double angle = std::atan2(p.y(), scene.mirrored ? -p.x() : p.x());
+    if (angle < 0.0) angle += 2.0 * std::numbers::pi;
+    const double turns = angle / (2.0 * std::numbers::pi) * family.bits;
+    const int segment = std::min(static_cast<int>(turns), family.bits - 1);
+    const auto bit = [&](int s) {
+      return static_cast<double>((scene.code >> (family.bits - 1 - (s + family.bits) % family.bits)) & 1U);
+    };
+    // Cover of the neighbouring segments near the radial edges.
+    const double per_sample = gradient / std::max(rho, 0.1) / (2.0 * std::numbers::pi) * family.bits;
+    const double from_start = (turns - segment) / per_sample;
+    const double from_end = (segment + 1 - turns) / per_sample;
+    double set = bit(segment);
+    if (from_start < 0.5) set = cover(from_start) * bit(segment) + (1.0 - cover(from_start)) * bit(segment - 1);
+    if (from_end < 0.5) set = cover(from_end) * bit(segment) + (1.0 - cover(from_end)) * bit(segment + 1);
+    value += set * (inside(family.ring_outer) - inside(family.ring_inner));
+    if (family.border_outer > family.disc_outer) value += inside(family.border_outer) - inside(family.disc_outer);
+  }
+  return scene.dark_on_bright ? 1.0 - value : value;
+}
+
+void blur_rows(std::vector<double>& samples, int width, int height, double sigma) {
+  const int half = static_cast<int>(std::ceil(5.0 * sigma));
+  if (half == 0) return;
+  std::vector<double> kernel;
+  double sum = 0.0;
+  for (int i = -half; i <= half; ++i) {
+    kernel.push_back(std::exp(-0.5 * i * i / (sigma * sigma)));
+    sum += kernel.back();
+  }
+  std::vector<double> row(static_cast<std::size_t>(width));
+  for (int y = 0; y < height; ++y) {
+    double* line = samples.data() + static_cast<std::ptrdiff_t>(y) * width;
+    for (int x = 0; x < width; ++x) {
+      double value = 0.0;
+      for (int i = -half; i <= half; ++i)
+        value += kernel[static_cast<std::size_t>(i + half)] * line[std::clamp(x + i, 0, width - 1)];
+      row[static_cast<std::size_t>(x)] = value / sum;
+    }
+    std::copy(row.begin(), row.end(), line);
+  }
+}
+
+std::vector<double> transposed(const std::vector<double>& samples, int width, int height) {
+  std::vector<double> result(samples.size());
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      result[static_cast<std::size_t>(x) * static_cast<std::size_t>(height) + static_cast<std::size_t>(y)] =
+          samples[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+std::vector<double> rendered(const MarkerScene& scene) {
+  const int width = (scene.width_px + 2 * kMarginPx) * kFine;
+  const int height = (scene.height_px + 2 * kMarginPx) * kFine;
+  const double c = std::cos(scene.tilt_axis_rad);
+  const double s = std::sin(scene.tilt_axis_rad);
+  Eigen::Matrix2d to_axis, roll;
+  to_axis << c, s, -s, c;
+  roll << std::cos(scene.roll_rad), std::sin(scene.roll_rad), -std::sin(scene.roll_rad), std::cos(scene.roll_rad);
+  const Eigen::Matrix2d stretch = Eigen::Vector2d(1.0, 1.0 / std::cos(scene.tilt_rad)).asDiagonal();
+  const Eigen::Matrix2d marker_from_pixel = roll * stretch * to_axis / scene.radius_px;
+  const Eigen::Matrix2d metric = marker_from_pixel.transpose() * marker_from_pixel;
+
+  std::vector<double> samples(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const Eigen::Vector2d pixel((x + 0.5) / kFine - 0.5 - kMarginPx, (y + 0.5) / kFine - 0.5 - kMarginPx);
+      const Eigen::Vector2d e = pixel - scene.centre_px;
+      const Eigen::Vector2d p = marker_from_pixel * e;
+      const double gradient = (metric * e).norm() / std::max(p.norm(), 1e-9) / kFine;
+      const double light = 1.0 + scene.light_slope.dot(e);
+      const double level =
+          scene.dark_level + (scene.bright_level - scene.dark_level) * tone(scene, p, std::max(gradient, 1e-9));
+      samples[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] = level * light;
+    }
+  }
+  blur_rows(samples, width, height, scene.blur_px * kFine);
+  samples = transposed(samples, width, height);
+  blur_rows(samples, height, width, scene.blur_px * kFine);
+  samples = transposed(samples, height, width);
+
+  std::vector<double> levels;
+  for (int y = 0; y < scene.height_px; ++y) {
+    for (int x = 0; x < scene.width_px; ++x) {
+      double sum = 0.0;
+      for (int i = 0; i < kFine; ++i) {
+        for (int j = 0; j < kFine; ++j) {
+          sum += samples[static_cast<std::size_t>((y + kMarginPx) * kFine + i) * static_cast<std::size_t>(width) +
+                         static_cast<std::size_t>((x + kMarginPx) * kFine + j)];
+        }
+      }
+      levels.push_back(sum / (kFine * kFine));
+    }
+  }
+  return levels;
+}
+
+base::Image photograph(const std::vector<double>& levels, int width_px, int height_px, const Noise& noise, int bits,
+                       double white_level) {
+  base::Image image(width_px, height_px, bits);
+  image.set_white_level(white_level);
+  std::mt19937_64 random(noise.seed);
+  std::normal_distribution<double> normal(0.0, 1.0);
+  std::size_t i = 0;
+  for (int y = 0; y < height_px; ++y) {
+    for (int x = 0; x < width_px; ++x, ++i) {
+      const double value = std::clamp(std::round(levels[i] + noise.sigma * normal(random)), 0.0, white_level);
+      if (bits == 8) {
+        image.row<std::uint8_t>(y)[x] = static_cast<std::uint8_t>(value);
+      } else {
+        image.row<std::uint16_t>(y)[x] = static_cast<std::uint16_t>(value);
+      }
+    }
+  }
+  return image;
+}
+
+}  // namespace crosstie::tests

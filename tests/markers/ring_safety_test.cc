@@ -1,0 +1,181 @@
+#include <cmath>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+#include "markers/detect.h"
+#include "tests/markers/rendered_marker.h"
+
+namespace crosstie::markers {
+namespace {
+
+using base::ObservationStatus;
+using tests::MarkerScene;
+
+MarkerScene scene_of(const char* family, std::size_t index) {
+  MarkerScene scene;
+  scene.family = *marker_family(family);
+  scene.code = scene.family.codes.at(index).code;
+  return scene;
+}
+
+struct Tally {
+  int right = 0;
+  int wrong = 0;
+  int refused = 0;
+};
+
+void count(const base::Image& image, const MarkerScene& scene, int id, Tally& tally) {
+  const auto found = detect(image.view(), scene.family);
+  ASSERT_TRUE(found);
+  bool read = false;
+  for (const base::Observation& observation : found->observations) {
+    if (observation.status != ObservationStatus::kCoded) continue;
+    read = true;
+    ++(observation.id == id ? tally.right : tally.wrong);
+  }
+  if (!read) ++tally.refused;
+}
+
+/// Something darker than the ring's ones covers everything beyond a straight line.
+void occlude(std::vector<double>& levels, const MarkerScene& scene, double direction_rad, double from_radii, double level) {
+  for (int y = 0; y < scene.height_px; ++y) {
+    for (int x = 0; x < scene.width_px; ++x) {
+      const Eigen::Vector2d e = Eigen::Vector2d(x, y) - scene.centre_px;
+      const double along = e.x() * std::cos(direction_rad) + e.y() * std::sin(direction_rad);
+      if (along > from_radii * scene.radius_px) levels[static_cast<std::size_t>(y * scene.width_px + x)] = level;
+    }
+  }
+}
+
+TEST(RingSafety, BlurGivesNoWrongId) {
+  Tally tally;
+  for (std::size_t i = 0; i < 54; i += 3) {
+    for (const double blur_px : {0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0}) {
+      MarkerScene scene = scene_of("ring10", i);
+      scene.radius_px = 6.0;
+      scene.blur_px = blur_px;
+      scene.roll_rad = 0.2 * static_cast<double>(i);
+      count(tests::photograph(scene, {2.0, i}), scene, scene.family.codes[i].id, tally);
+    }
+  }
+  EXPECT_EQ(tally.wrong, 0);
+  EXPECT_GE(tally.right, 18 * 4);  // sharp enough up to a quarter of the dot's radius
+  EXPECT_GT(tally.refused, 0);     // and the worst are refused
+}
+
+TEST(RingSafety, SmallMarkersAreReadOrRefused) {
+  Tally tally;
+  for (std::size_t i = 0; i < 54; i += 2) {
+    for (const double radius_px : {1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0}) {
+      MarkerScene scene = scene_of("ring10", i);
+      scene.radius_px = radius_px;
+      scene.width_px = scene.height_px = 48;
+      scene.centre_px = {23.3 + 0.01 * static_cast<double>(i), 23.8};
+      scene.roll_rad = 0.3 * static_cast<double>(i);
+      count(tests::photograph(scene, {2.0, i}), scene, scene.family.codes[i].id, tally);
+    }
+  }
+  EXPECT_EQ(tally.wrong, 0);
+  EXPECT_GE(tally.right, 2 * 27);  // those whose segments are wide enough
+}
+
+TEST(RingSafety, OcclusionOfTheRingGivesNoWrongIdButForHiddenOnes) {
+  // Where a dark thing hides whole segments, a ring can turn into another code (the families' distance is 2): the network
+  // rejects it. A bright thing shows in the quiet zone, and then nothing may be misread.
+  Tally tally;
+  for (std::size_t i = 0; i < 516; i += 13) {
+    MarkerScene scene = scene_of("aicon14", i);
+    std::vector<double> levels = tests::rendered(scene);
+    occlude(levels, scene, 0.41 * static_cast<double>(i), 1.6, scene.bright_level);
+    count(tests::photograph(levels, scene.width_px, scene.height_px, {2.0, i}), scene, scene.family.codes[i].id, tally);
+  }
+  EXPECT_EQ(tally.wrong, 0);
+}
+
+TEST(RingSafety, GlareGivesNoWrongId) {
+  Tally tally;
+  for (std::size_t i = 0; i < 54; ++i) {
+    MarkerScene scene = scene_of("ring10", i);
+    std::vector<double> levels = tests::rendered(scene);
+    const Eigen::Vector2d at =
+        scene.centre_px + 18.0 * Eigen::Vector2d(std::cos(static_cast<double>(i)), std::sin(static_cast<double>(i)));
+    for (int y = 0; y < scene.height_px; ++y) {
+      for (int x = 0; x < scene.width_px; ++x) {
+        const double d2 = (Eigen::Vector2d(x, y) - at).squaredNorm();
+        levels[static_cast<std::size_t>(y * scene.width_px + x)] += 300.0 * std::exp(-0.5 * d2 / (9.0 * 9.0));
+      }
+    }
+    count(tests::photograph(levels, scene.width_px, scene.height_px, {2.0, i}), scene, scene.family.codes[i].id, tally);
+  }
+  EXPECT_EQ(tally.wrong, 0);
+}
+
+TEST(RingSafety, ShadowAcrossTheRingIsReadThrough) {
+  Tally tally;
+  for (std::size_t i = 0; i < 40; ++i) {
+    MarkerScene scene = scene_of("aicon14", 7 * i);
+    scene.dark_level = 4.0;
+    std::vector<double> levels = tests::rendered(scene);
+    for (int y = 0; y < scene.height_px; ++y) {
+      for (int x = 0; x < scene.width_px; ++x) {
+        const Eigen::Vector2d e = Eigen::Vector2d(x, y) - scene.centre_px;
+        const double along = e.x() * std::cos(static_cast<double>(i)) + e.y() * std::sin(static_cast<double>(i));
+        const double light = 0.35 + 0.65 / (1.0 + std::exp((along - 11.0) / 1.5));
+        levels[static_cast<std::size_t>(y * scene.width_px + x)] *= light;
+      }
+    }
+    count(tests::photograph(levels, scene.width_px, scene.height_px, {1.0, i}), scene, scene.family.codes[7 * i].id, tally);
+  }
+  EXPECT_EQ(tally.wrong, 0);
+  EXPECT_GE(tally.right, 36);
+}
+
+TEST(RingSafety, MarkersCutByTheBorderAreNotRead) {
+  for (const double distance_px : {2.0, 5.0, 9.0, 14.0, 19.0, 23.0}) {
+    MarkerScene scene = scene_of("aicon14", 300);
+    scene.centre_px = {distance_px, 47.0};
+    const auto found = detect(tests::photograph(scene, {1.0, 1}).view(), scene.family);
+    ASSERT_TRUE(found);
+    for (const base::Observation& observation : found->observations) {
+      EXPECT_NE(observation.status, ObservationStatus::kCoded) << distance_px;
+    }
+  }
+}
+
+/// A mirrored ring10 is a valid code of another id (design): it is read as what it shows.
+TEST(RingSafety, MirroredRingsReadAsTheirMirrorImage) {
+  for (std::size_t i = 0; i < 54; i += 5) {
+    MarkerScene scene = scene_of("ring10", i);
+    scene.mirrored = true;
+    std::uint32_t mirrored = 0;
+    for (int bit = 0; bit < 10; ++bit) mirrored |= ((scene.code >> bit) & 1U) << (9 - bit);
+    const std::optional<int> expected = scene.family.id_of_ring(mirrored);
+    ASSERT_TRUE(expected);
+    const auto found = detect(tests::photograph(scene, {1.0, i}).view(), scene.family);
+    ASSERT_TRUE(found);
+    ASSERT_EQ(found->observations.size(), 1U);
+    EXPECT_EQ(found->observations[0].id, *expected);
+  }
+}
+
+TEST(RingSafety, NoiseAndTextureHoldNoMarkers) {
+  base::Image image(400, 300, 8);
+  std::uint64_t state = 88172645463325252ULL;
+  for (int y = 0; y < 300; ++y) {
+    for (int x = 0; x < 400; ++x) {
+      state ^= state << 13;
+      state ^= state >> 7;
+      state ^= state << 17;
+      image.row<std::uint8_t>(y)[x] = static_cast<std::uint8_t>(100 + (state >> 40) % 60 + 30 * ((x / 7 + y / 5) % 2));
+    }
+  }
+  for (const char* family : {"ring10", "aicon14"}) {
+    const auto found = detect(image.view(), *marker_family(family));
+    ASSERT_TRUE(found);
+    for (const base::Observation& observation : found->observations) EXPECT_NE(observation.status, ObservationStatus::kCoded);
+  }
+}
+
+}  // namespace
+}  // namespace crosstie::markers
