@@ -66,17 +66,22 @@ void about_lenses(const Survey& survey, const State& state, AdjustedNetwork& res
     const Eigen::MatrixXd& cov = camera.camera.covariance();
     if (!camera.estimated || cov.size() == 0) continue;
     const auto names = base::parameter_names(camera.camera.model());
+    std::string pairs;
     for (Eigen::Index i = 0; i < cov.rows(); ++i) {
       for (Eigen::Index j = i + 1; j < cov.cols(); ++j) {
         const double scale = std::sqrt(cov(i, i) * cov(j, j));
-        if (!(scale > 0.0) || std::abs(cov(i, j)) < kHighCorrelation * scale) continue;
-        const auto a = names[static_cast<std::size_t>(i)];
-        const auto b = names[static_cast<std::size_t>(j)];
-        result.warnings.push_back(
-            {"high_correlation", camera.name,
-             fmt::format("camera {}: {} and {} are correlated by {:.3f}; the images do not tell them apart well", camera.name,
-                         a, b, cov(i, j) / scale)});
+        const bool both_focal = i == 0 && j == 1;  // one scale under two names: always alike
+        if (both_focal || !(scale > 0.0) || std::abs(cov(i, j)) < kHighCorrelation * scale) continue;
+        pairs += fmt::format("{}{}-{} {:+.3f}", pairs.empty() ? "" : ", ", names[static_cast<std::size_t>(i)],
+                             names[static_cast<std::size_t>(j)], cov(i, j) / scale);
       }
+    }
+    if (!pairs.empty()) {
+      result.warnings.push_back(
+          {"high_correlation", camera.name,
+           fmt::format("camera {}: these parameters are correlated by more than {}: {}. Each alone means little; "
+                       "together they describe the lens",
+                       camera.name, kHighCorrelation, pairs)});
     }
     for (const Eigen::Index k : {0, 1}) {
       const double relative = std::sqrt(cov(k, k)) / camera.camera.parameters()(k);

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <exception>
 #include <memory>
+#include <mutex>
 #include <set>
 
 #include <ceres/ceres.h>
+#include <glog/logging.h>
 
 namespace crosstie::bundle::detail {
 namespace {
@@ -67,6 +69,29 @@ class MeasurementCost final : public ceres::CostFunction {
  private:
   const Measurement& measurement_;
   std::vector<bool> is_pose_;
+};
+
+/// Ceres speaks through glog on stderr; while one of these lives it does not. The level is the process's, hence the count.
+class QuietLog {
+ public:
+  QuietLog() {
+    const std::lock_guard lock(mutex_);
+    if (count_++ == 0) {
+      before_ = FLAGS_minloglevel;
+      FLAGS_minloglevel = google::GLOG_FATAL;
+    }
+  }
+  ~QuietLog() {
+    const std::lock_guard lock(mutex_);
+    if (--count_ == 0) FLAGS_minloglevel = before_;
+  }
+  QuietLog(const QuietLog&) = delete;
+  QuietLog& operator=(const QuietLog&) = delete;
+
+ private:
+  static inline std::mutex mutex_;
+  static inline int count_ = 0;
+  static inline int before_ = 0;
 };
 
 class StopWhenAsked final : public ceres::IterationCallback {
@@ -142,6 +167,8 @@ Result<MinimiseSummary> solve(Model& model, const MinimiseOptions& options, cons
   solver.num_threads = 1;
   solver.max_num_iterations = options.max_iterations;
   solver.function_tolerance = options.function_tolerance;
+  // The damping never vanishes, so that a free datum leaves the equations regular; 1e-8 of the diagonal slows no convergence.
+  solver.max_trust_region_radius = 1e8;
   solver.gradient_tolerance = 1e-14;
   solver.parameter_tolerance = 1e-12;
   constexpr int kDensePoses = 150;
@@ -161,6 +188,7 @@ Result<MinimiseSummary> solve(Model& model, const MinimiseOptions& options, cons
 }  // namespace
 
 Result<MinimiseSummary> minimise(Model& model, const MinimiseOptions& options, const base::Progress& progress) {
+  const QuietLog quiet;
   try {
     return solve(model, options, progress);
   } catch (const std::exception& error) {
