@@ -31,18 +31,18 @@ struct MaximumPermissibleError {
 struct CompareOptions {
   Fit fit = Fit::kRigid;
   /// Ids that are listed with their deviation but take no part in the fit, the statistics and the lengths.
-  std::vector<int> exclude_ids;
+  std::vector<int> exclude_ids = {};
   /// True: each point enters the fit with the inverse of its predicted covariance; needs a covariance for every pair. False,
   /// the default: unit weights, which is what AICON, Tritop and SpatialAnalyzer report as a best fit.
   bool weighted = false;
-  MaximumPermissibleError mpe;
+  MaximumPermissibleError mpe = {};
   /// Distances that gave the measurement its scale; they are no test lengths.
-  std::vector<std::pair<int, int>> defining_lengths;
+  std::vector<std::pair<int, int>> defining_lengths = {};
   /// Largest number of test lengths; of more pairs an even selection over all lengths is taken, the longest included.
   int max_lengths = 2500;
   /// Covariance of all measured coordinates in mm^2, 3 per point in the order of `measured`, where it is known: it alone
   /// carries what the points have in common (their scale above all). Empty: the points of a list count as independent.
-  Eigen::MatrixXd measured_cov_mm2;
+  Eigen::MatrixXd measured_cov_mm2 = {};
 
   [[nodiscard]] base::Result<> validate() const;
 };
