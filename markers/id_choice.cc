@@ -1,0 +1,90 @@
+#include "markers/id_choice.h"
+
+#include <algorithm>
+#include <bit>
+
+#include <fmt/format.h>
+
+namespace crosstie::markers {
+namespace {
+
+using base::ErrorCode;
+using base::Result;
+
+struct Candidate {
+  MarkerCode code;
+  int distance = 0;  ///< to the nearest chosen code
+  bool chosen = false;
+};
+
+Result<std::vector<Candidate>> candidates_of(const MarkerFamily& family, std::span<const int> pool) {
+  std::vector<int> ids(pool.begin(), pool.end());
+  std::sort(ids.begin(), ids.end());
+  if (const auto twice = std::adjacent_find(ids.begin(), ids.end()); twice != ids.end()) {
+    return base::fail(ErrorCode::kUsage, fmt::format("id {} is given twice", *twice));
+  }
+  std::vector<Candidate> candidates;
+  for (const int id : ids) {
+    const auto found = std::lower_bound(family.codes.begin(), family.codes.end(), id,
+                                        [](const MarkerCode& code, int value) { return code.id < value; });
+    if (found == family.codes.end() || found->id != id) {
+      return base::fail(ErrorCode::kUsage, fmt::format("{} has no id {}", family.name, id));
+    }
+    candidates.push_back({*found, family.bits + 1, false});
+  }
+  return candidates;
+}
+
+/// What any two different codes are apart at least: 2 where all have an even, or all an odd number of segments set.
+int least_distance(const std::vector<Candidate>& candidates) {
+  const auto parity = [](const Candidate& c) { return std::popcount(c.code.code) % 2; };
+  const bool same = std::all_of(candidates.begin(), candidates.end(),
+                                [&](const Candidate& c) { return parity(c) == parity(candidates.front()); });
+  return same ? 2 : 1;
+}
+
+}  // namespace
+
+int cyclic_distance(std::uint32_t ring_a, std::uint32_t ring_b, int bits) {
+  const std::uint32_t all = (std::uint32_t{1} << bits) - 1U;
+  int smallest = bits;
+  for (int turn = 0; turn < bits; ++turn) {
+    smallest = std::min(smallest, std::popcount(ring_a ^ ring_b));
+    ring_b = ((ring_b << 1) | (ring_b >> (bits - 1))) & all;
+  }
+  return smallest;
+}
+
+Result<IdChoice> choose_distant_ids(const MarkerFamily& family, std::span<const int> pool, int count) {
+  if (count < 1 || static_cast<std::size_t>(count) > pool.size()) {
+    return base::fail(ErrorCode::kUsage, fmt::format("{} ids are wanted of the {} that there are", count, pool.size()));
+  }
+  auto candidates = candidates_of(family, pool);
+  if (!candidates) return base::fail(std::move(candidates));
+  const int least = least_distance(*candidates);
+  IdChoice choice;
+  choice.smallest_distance = count > 1 ? family.bits : 0;
+  bool all_are_near = false;
+  while (choice.ids.size() < static_cast<std::size_t>(count)) {
+    // Once every candidate is as near as codes can be, the order no longer matters.
+    const auto next = all_are_near
+                          ? std::find_if(candidates->begin(), candidates->end(), [](const auto& c) { return !c.chosen; })
+                          : std::max_element(candidates->begin(), candidates->end(), [](const auto& a, const auto& b) {
+                              return (a.chosen ? -1 : a.distance) < (b.chosen ? -1 : b.distance);
+                            });
+    next->chosen = true;
+    if (!choice.ids.empty()) choice.smallest_distance = std::min(choice.smallest_distance, next->distance);
+    choice.ids.push_back(next->code.id);
+    if (all_are_near || next->distance <= least) {
+      all_are_near = true;
+      continue;
+    }
+    for (Candidate& c : *candidates) {
+      if (!c.chosen) c.distance = std::min(c.distance, cyclic_distance(next->code.code, c.code.code, family.bits));
+    }
+  }
+  std::sort(choice.ids.begin(), choice.ids.end());
+  return choice;
+}
+
+}  // namespace crosstie::markers

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/result.h"
+#include "markers/family.h"
+
+namespace crosstie::markers {
+
+/// Number of segments in which two rings differ, in the rotation in which they are most alike: so many must be misread before
+/// one becomes the other.
+[[nodiscard]] int cyclic_distance(std::uint32_t ring_a, std::uint32_t ring_b, int bits);
+
+struct IdChoice {
+  std::vector<int> ids;       ///< sorted
+  int smallest_distance = 0;  ///< between any two of them; 0 for a single id
+};
+
+/// Chooses `count` of the ids in `pool` (each of the family, once) whose codes lie far apart in cyclic distance: beginning with
+/// the pool's lowest id, always the one whose nearest chosen neighbour is farthest, the lowest id among equals (greedy max-min:
+/// not always the best choice there is, but always the same one).
+/// Errors (kUsage): a count that is not 1 to the pool's size, an id that the family does not have, an id given twice.
+[[nodiscard]] base::Result<IdChoice> choose_distant_ids(const MarkerFamily& family, std::span<const int> pool, int count);
+
+}  // namespace crosstie::markers
