@@ -12,6 +12,10 @@ namespace {
 
 /// Larger than any image of kMaxImagePixels that a measuring camera writes.
 constexpr std::size_t kMaxImageBytes = std::size_t{2} << 30;
+/// Deflate packs at most 1032 bytes into one, and a byte holds at most 8 pixels; the other compressions stay below that. A
+/// header that claims more is refused before anything is allocated for it.
+constexpr std::int64_t kMaxPixelsPerByte = 1032 * 8;
+constexpr std::int64_t kAlwaysAllowedPixels = 1'000'000;
 
 struct LoadedFile {
   std::string bytes;
@@ -27,10 +31,14 @@ Result<LoadedFile> load(const std::filesystem::path& path) {
   if (!bytes) return fail(std::move(bytes));
   auto header = detail::read_header(*bytes);
   if (!header) return refused(path, header.error());
-  if (header->info.width <= 0 || header->info.height <= 0) return refused(path, "an image without pixels");
-  if (std::int64_t{header->info.width} * header->info.height > kMaxImagePixels) {
+  const std::int64_t pixels = std::int64_t{header->info.width} * header->info.height;
+  if (pixels > kMaxImagePixels) {
     return refused(path, fmt::format("its header claims {} x {} pixels, more than the {} that are read", header->info.width,
                                      header->info.height, kMaxImagePixels));
+  }
+  if (pixels > kAlwaysAllowedPixels + kMaxPixelsPerByte * static_cast<std::int64_t>(bytes->size())) {
+    return refused(path, fmt::format("its header claims {} x {} pixels, more than its {} bytes can hold", header->info.width,
+                                     header->info.height, bytes->size()));
   }
   return LoadedFile{*std::move(bytes), *header};
 }

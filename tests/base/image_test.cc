@@ -146,6 +146,13 @@ TEST(Image, ReadsPackedTiff) {
   EXPECT_FALSE(read_image(folder.write("short.tif", tiff.substr(0, tiff.size() - 1))));
 }
 
+/// The most memory that this process has held.
+long peak_kb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return usage.ru_maxrss;
+}
+
 TEST(Image, AHeaderThatClaimsTooMuchCostsNothing) {
   const TemporaryFolder folder;
   std::string bmp = encoded(".bmp", sample());
@@ -163,11 +170,13 @@ TEST(Image, AHeaderThatClaimsTooMuchCostsNothing) {
                                                        {"wide.png", tests::handmade_png(0xFFFFFFFFU, 1, 8, 0, {"\x01"})},
                                                        {"none.png", tests::handmade_png(0, 5, 8, 0, {"\x01"})},
                                                        {"none.pgm", "P5 0 5 255\n\x01"}};
+  const long peak_kb_before = peak_kb();
   for (const auto& [name, bytes] : cases) {
     const auto image = read_image(folder.write(name, bytes));
     ASSERT_FALSE(image) << name;
     EXPECT_EQ(image.error().code, ErrorCode::kBadInput) << name << image.error().message;
   }
+  EXPECT_LT(peak_kb() - peak_kb_before, 50000);
 }
 
 TEST(Image, AHalfJpegIsNoImage) {
