@@ -36,7 +36,7 @@ std::string parameter_table(const AdjustedCamera& one) {
        {"Unit", "", "", false},
        {"t", "", "value over sigma"},
        {"p", ""},
-       {"", "", "", false}});
+       {"Significance", "", "at the 5 % level", false}});
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto index = static_cast<Eigen::Index>(i);
     const double value = camera.parameters()(index);

@@ -47,11 +47,9 @@ std::string bundle_residuals_section(const AdjustedNetwork& network) {
   if (network.residuals.empty()) return paragraph("There are no residuals.");
   std::string html;
   std::vector<double> normalised;
-  std::vector<double> radius_px;
   for (const base::AdjustedCamera& camera : network.cameras) {
     const CameraResiduals one = residuals_of(network, camera);
     normalised.insert(normalised.end(), one.normalised.begin(), one.normalised.end());
-    radius_px.insert(radius_px.end(), one.radius_px.begin(), one.radius_px.end());
     const ImageSize size{camera.camera.width_px(), camera.camera.height_px()};
     html +=
         fmt::format("<h3>Camera {}</h3>\n", escape(camera.name)) +
@@ -61,7 +59,10 @@ std::string bundle_residuals_section(const AdjustedNetwork& network) {
                         "Mean residual of each part of the image: what the lens model leaves behind."),
                  figure(coverage_map(one.points, size, fmt::format("Coverage of camera {}", camera.name)),
                         fmt::format("{} % of the image's parts hold points; where none are, the lens model is extrapolated.",
-                                    fixed(100.0 * coverage(one.points, size), 0)))});
+                                    fixed(100.0 * coverage(one.points, size), 0))),
+                 figure(rms_along(one.radius_px, one.normalised, 1.0, "Normalised residuals by distance from the image centre",
+                                  "distance from the image centre [px]", "rms of residual over sigma"),
+                        "Level where the lens model holds out to the corners. Bars: 95 % range of each class.")});
   }
   html += "<h3>Are the predicted sigmas true?</h3>\n";
   html += figures(
@@ -71,10 +72,7 @@ std::string bundle_residuals_section(const AdjustedNetwork& network) {
            "Each image coordinate's residual over the sigma that the detector's sigma and the network's geometry predict for "
            "it."),
        figure(normal_quantile_plot(normalised, "Normal quantiles of the normalised residuals", "residual over its own sigma"),
-              "On the line: normal and as large as predicted. Bent ends: blunders or heavy tails."),
-       figure(rms_along(radius_px, normalised, 1.0, "Normalised residuals by distance from the image centre",
-                        "distance from the image centre [px]", "rms of residual over sigma"),
-              "Level where the lens model holds out to the corners. Bars: 95 % range of each class.")});
+              "On the line: normal and as large as predicted. Bent ends: blunders or heavy tails.")});
   return html;
 }
 

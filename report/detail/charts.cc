@@ -48,15 +48,20 @@ std::string histogram(std::span<const double> values, std::string_view title, st
     square_sum += value * value;
   }
   const double rms = kept.empty() ? 1.0 : std::sqrt(square_sum / static_cast<double>(kept.size()));
-  // Single wild values do not squeeze the rest: what lies beyond 6 rms is counted in the outermost bars.
-  reach = std::min(reach, 6.0 * rms);
+  // Single wild values do not squeeze the rest: the axis ends at 6 robust sigmas (1.4826 times the median amount).
+  std::vector<double> amounts;
+  for (const double value : kept) amounts.push_back(std::abs(value));
+  const double robust = 1.4826 * median(amounts);
+  if (robust > 0.0) reach = std::min(reach, 6.0 * robust);
   for (const NormalCurve& curve : curves) reach = std::max(reach, 3.0 * std::min(curve.sigma, 2.0 * rms));
   if (!(reach > 0.0)) reach = 1.0;
   const Axis x = make_axis(-reach, reach, 8);
   const int bars = std::clamp(static_cast<int>(std::sqrt(static_cast<double>(kept.size()))), 9, 41) | 1;
   const double width = (x.high - x.low) / bars;
   std::vector<int> count(static_cast<std::size_t>(bars), 0);
+  int beyond = 0;
   for (const double value : kept) {
+    if (value < x.low || value > x.high) ++beyond;
     const int bar = std::clamp(static_cast<int>(std::floor((value - x.low) / width)), 0, bars - 1);
     ++count[static_cast<std::size_t>(bar)];
   }
@@ -89,6 +94,10 @@ std::string histogram(std::span<const double> values, std::string_view title, st
     const std::string css = fmt::format("curve c{}", i + 2);
     plot.curve(at, y, css);
     plot.legend(css, curves[i].name);
+  }
+  if (beyond > 0) {
+    plot.svg().text(plot.right() - 6.0, plot.top() + 16.0, fmt::format("{} beyond the axis, in the outermost bars", beyond),
+                    "end", "tick");
   }
   return plot.str();
 }

@@ -20,8 +20,6 @@ constexpr std::array<Stop, 5> kSequential = {{{0.0, {0x2c, 0x7b, 0xb6}},
                                               {0.6, {0x9c, 0xbf, 0x4b}},
                                               {0.8, {0xf0, 0xa3, 0x3a}},
                                               {1.0, {0xd7, 0x30, 0x1f}}}};
-constexpr std::array<Stop, 3> kDiverging = {{{-1.0, {0x2c, 0x7b, 0xb6}}, {0.0, {0xb9, 0xbd, 0xc4}}, {1.0, {0xd7, 0x30, 0x1f}}}};
-
 std::string mixed(std::span<const Stop> stops, double at) {
   at = std::isfinite(at) ? std::clamp(at, stops.front().at, stops.back().at) : stops.front().at;
   std::size_t i = 1;
@@ -38,6 +36,9 @@ std::string mixed(std::span<const Stop> stops, double at) {
 
 std::string sequential_colour(double fraction) { return mixed(kSequential, fraction); }
 
-std::string diverging_colour(double value) { return mixed(kDiverging, value); }
+std::string diverging_colour(double value) {
+  const double strength = std::isfinite(value) ? std::min(1.0, std::abs(value)) : 0.0;
+  return fmt::format("{}{:02x}", value < 0.0 ? "#2c7bb6" : "#d7301f", static_cast<int>(std::lround(180.0 * strength)));
+}
 
 }  // namespace crosstie::report::detail

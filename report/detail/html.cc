@@ -1,5 +1,7 @@
 #include "report/detail/html.h"
 
+#include <cmath>
+
 #include <fmt/format.h>
 
 #include "base/text.h"
@@ -103,7 +105,7 @@ std::string json_quoted(std::string_view text) {
 }
 
 Cell number_cell(std::string text, double value, std::string css_class) {
-  return {std::move(text), base::format_double(value), std::move(css_class), ""};
+  return {std::move(text), std::isfinite(value) ? base::format_double(value) : "", std::move(css_class), ""};
 }
 
 Cell text_cell(std::string text, std::string css_class) { return {std::move(text), "", std::move(css_class), ""}; }

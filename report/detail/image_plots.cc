@@ -156,7 +156,7 @@ std::string coverage_map(const std::vector<ImagePoint>& points, const ImageSize&
       const double width = plot.x_px((column + 1) * grid.cell_x - 0.5) - x;
       const double height = plot.y_px((row + 1) * grid.cell_y - 0.5) - y;
       plot.svg().rect(x + 0.5, y + 0.5, width - 1.0, height - 1.0, fmt::format("o{}", shade), "", std::to_string(count));
-      if (count > 0) plot.svg().text(x + 0.5 * width, y + 0.5 * height + 3.0, std::to_string(count), "middle", "id");
+      if (count > 0) plot.svg().text(x + 0.5 * width, y + 0.5 * height + 3.0, std::to_string(count), "middle", "cell");
     }
   }
   return plot.str();

@@ -43,6 +43,14 @@ std::string significant(double value, int digits) {
   return fixed(value, std::max(0, digits - 1 - power));
 }
 
+std::string plain(double value, int digits) {
+  std::string text = significant(value, digits);
+  if (text.find('.') == std::string::npos || text.find('e') != std::string::npos) return text;
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
 std::string counted(long long value) {
   std::string digits = std::to_string(std::abs(value));
   for (auto at = static_cast<std::ptrdiff_t>(digits.size()) - 3; at > 0; at -= 3) {

@@ -14,6 +14,9 @@ std::string fixed(double value, int decimals);
 /// With so many significant digits, without an exponent between 1e-4 and 1e7.
 std::string significant(double value, int digits = 3);
 
+/// Significant digits without trailing zeros: for values that people set, like limits.
+std::string plain(double value, int digits = 4);
+
 /// A count with thin spaces between thousands: "19 945".
 std::string counted(long long value);
 

@@ -48,8 +48,7 @@ std::string verdict_sentence(const Verdict& verdict) {
   const char* relation = verdict.level == VerdictLevel::kOk        ? "within the limit of"
                          : verdict.level == VerdictLevel::kWarning ? "too near to the limit of"
                                                                    : "beyond the limit of";
-  return fmt::format("{}: {}{} is {} {}{}", verdict.name, significant(verdict.value, 4), unit, relation,
-                     significant(verdict.limit, 4), unit);
+  return fmt::format("{}: {}{} is {} {}{}", verdict.name, plain(verdict.value), unit, relation, plain(verdict.limit), unit);
 }
 
 std::string banner(const std::vector<Verdict>& verdicts, std::size_t warnings) {
@@ -90,9 +89,8 @@ std::string verdict_table(const std::vector<Verdict>& verdicts) {
        {"Source of the limit", "", "", false},
        {"Verdict", "", "", false}});
   for (const Verdict& verdict : verdicts) {
-    table.add_row({text_cell(verdict.name), number_cell(significant(verdict.value, 4), verdict.value),
-                   number_cell(significant(verdict.limit, 4), verdict.limit), text_cell(verdict.unit),
-                   text_cell(verdict.source),
+    table.add_row({text_cell(verdict.name), number_cell(plain(verdict.value), verdict.value),
+                   number_cell(plain(verdict.limit), verdict.limit), text_cell(verdict.unit), text_cell(verdict.source),
                    text_cell(std::string(base::verdict_level_name(verdict.level)), level_class(verdict.level))});
   }
   return table.html();

@@ -16,7 +16,7 @@ namespace {
 constexpr double kWidth_px = 560.0;
 constexpr double kLabelCell_px = 24.0;
 constexpr std::size_t kMaxLabels = 300;
-constexpr double kWantedFraction = 1.0 / 30.0;
+constexpr double kWantedFraction = 1.0 / 16.0;
 
 struct Extent {
   Eigen::Vector3d low = Eigen::Vector3d::Zero();

@@ -29,7 +29,7 @@ struct PlanOptions {
 /// are. The ids are written where there is room.
 std::string plan_view(const std::vector<PlanPoint>& points, std::string_view title, const PlanOptions& options);
 
-/// 1, 2 or 5 x 10^n, so that lengths of `typical_mm` become about 1/30 of the extent of the points.
+/// 1, 2 or 5 x 10^n, so that lengths of `typical_mm` become about 1/20 of the extent of the points.
 double plan_magnification(const std::vector<PlanPoint>& points, double typical_mm);
 
 /// The two axes that show the most of the points first, then the one with their depth: {{0, 1}, {0, 2}} and permutations.

@@ -105,12 +105,18 @@ std::string camera_json(const AdjustedImage& image, const AdjustedCamera* camera
 std::string scene(const std::vector<std::string>& points, const std::vector<std::string>& cameras,
                   const std::vector<std::string>& bars, const std::string& legend, const std::vector<double>& values,
                   double magnification, const Orientation& orientation) {
-  const double high = values.empty() ? 1.0 : *std::max_element(values.begin(), values.end());
-  const double low = values.empty() ? 0.0 : *std::min_element(values.begin(), values.end());
+  // Single wild values do not take the colours from the rest.
+  std::vector<double> sorted = values;
+  std::sort(sorted.begin(), sorted.end());
+  const double largest = sorted.empty() ? 1.0 : sorted.back();
+  const double usual = sorted.empty() ? 1.0 : sorted[sorted.size() * 95 / 100];
+  const bool open = largest > 2.0 * usual && usual > 0.0;
+  const double high = open ? usual : largest;
+  const double low = sorted.empty() ? 0.0 : sorted.front();
   return fmt::format(
-      "{{\"points\":{},\n\"cameras\":{},\n\"bars\":{},\n\"legend\":{{\"label\":{},\"min\":{},\"max\":{}}},\n"
+      "{{\"points\":{},\n\"cameras\":{},\n\"bars\":{},\n\"legend\":{{\"label\":{},\"min\":{},\"max\":{},\"open\":{}}},\n"
       "\"magnification\":{},\"up\":{},\"towards\":{}}}",
-      list(points), list(cameras), list(bars), json_quoted(legend), number(low), number(high), number(magnification),
+      list(points), list(cameras), list(bars), json_quoted(legend), number(low), number(high), open, number(magnification),
       triple(orientation.up), triple(orientation.towards));
 }
 

@@ -71,17 +71,20 @@ void add_statistics(HtmlTable& table, const std::string& what, const Verificatio
   static constexpr std::array<const char*, 4> kNames = {"x", "y", "z", "3D"};
   for (std::size_t axis = 0; axis < 4; ++axis) {
     const Statistics s = statistics(values[axis]);
+    const int decimals = decimals_for_sigma(s.rms / 10.0);  // three digits of the rms
+    const auto cell = [&](double value) { return number_cell(fixed(value, decimals), value); };
     table.add_row({text_cell(fmt::format("{}, {}", what, kNames[axis])),
-                   number_cell(std::to_string(values[axis].size()), static_cast<double>(values[axis].size())),
-                   number_cell(significant(s.mean, 3), s.mean), number_cell(significant(s.deviation, 3), s.deviation),
-                   number_cell(significant(s.rms, 3), s.rms), number_cell(significant(s.largest, 3), s.largest)});
+                   number_cell(std::to_string(values[axis].size()), static_cast<double>(values[axis].size())), cell(s.mean),
+                   cell(s.deviation), cell(s.rms), cell(s.largest)});
   }
 }
 
 }  // namespace
 
 double deviation_magnification(const Verification& verification) {
-  return plan_magnification(deviation_points(verification), verification.rms3d_mm);
+  std::vector<double> sizes;
+  for (const Deviation& one : verification.points) sizes.push_back(one.deviation_mm.norm());
+  return plan_magnification(deviation_points(verification), median(sizes));
 }
 
 std::string verification_plan_section(const Verification& verification) {
@@ -103,14 +106,18 @@ std::string verification_plan_section(const Verification& verification) {
 std::string verification_statistics_section(const Verification& verification) {
   if (verification.points.empty()) return paragraph("There is no common point.");
   const LengthUnit unit = deviation_unit(verification);
-  HtmlTable table(
-      "Measured minus reference. std is about the mean, rms about zero, max the largest by amount, with its sign.",
-      {{"", "", "", false}, {"Count", ""}, {"Mean", unit.name}, {"std", unit.name}, {"rms", unit.name}, {"max", unit.name}});
-  add_statistics(table, "After the fit", verification, true, &Deviation::deviation_mm, unit);
+  const auto columns = [](const char* in) {
+    return std::vector<Column>{
+        {"Deviation", "", "", false}, {"Count", ""}, {"Mean", in}, {"std", in}, {"rms", in}, {"max", in}};
+  };
+  HtmlTable table("After the fit, measured minus reference. std is about the mean, rms about zero, max the largest by amount.",
+                  columns(unit.name));
+  add_statistics(table, "In the fit", verification, true, &Deviation::deviation_mm, unit);
   const bool excluded =
       std::any_of(verification.points.begin(), verification.points.end(), [](const Deviation& d) { return !d.used; });
-  if (excluded) add_statistics(table, "After the fit, all points", verification, false, &Deviation::deviation_mm, unit);
-  add_statistics(table, "Untransformed", verification, true, &Deviation::untransformed_mm, unit);
+  if (excluded) add_statistics(table, "All points", verification, false, &Deviation::deviation_mm, unit);
+  HtmlTable plain("Untransformed: the coordinates as they stand, in which a fit can hide nothing.", columns("mm"));
+  add_statistics(plain, "As they stand", verification, true, &Deviation::untransformed_mm, LengthUnit());
 
   std::vector<double> deviations;
   std::vector<double> normalised;
@@ -131,7 +138,7 @@ std::string verification_statistics_section(const Verification& verification) {
                fmt::format("Root mean square {}: 1 where the sigmas of both sides are true.",
                            significant(verification.normalised_rms, 3))));
   }
-  return table.html() + figures(list);
+  return table.html() + plain.html() + figures(list);
 }
 
 std::string verification_points_section(const Verification& verification) {

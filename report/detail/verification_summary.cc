@@ -24,7 +24,7 @@ std::string fit_sentence(const Verification& verification) {
       std::count_if(verification.points.begin(), verification.points.end(), [](const Deviation& d) { return d.used; });
   if (verification.fit == "rigid") {
     return fmt::format(
-        "Rigid best fit over {} points: 6 degrees of freedom (3 rotations, 3 translations) are taken from 3 x {} = {} "
+        "Rigid best fit over {} points: 6 degrees of freedom (3 rotations, 3 translations) are taken from 3 \u00d7 {} = {} "
         "coordinates; the scale of the measurement is under test.",
         used, used, 3 * used);
   }

@@ -40,7 +40,7 @@ function legend(scene: Scene): HTMLElement {
     element('span', '', scene.legend.label),
     element('span', 'viewer-number', format(scene.legend.min)),
     bar,
-    element('span', 'viewer-number', format(scene.legend.max)),
+    element('span', 'viewer-number', format(scene.legend.max) + (scene.legend.open ? ' and more' : '')),
   );
   return box;
 }

@@ -36,7 +36,8 @@ export interface Scene {
   points: ScenePoint[];
   cameras: SceneCamera[];
   bars: SceneBar[];
-  legend: { label: string; min: number; max: number };
+  /** `open`: values beyond max have its colour too. */
+  legend: { label: string; min: number; max: number; open: boolean };
   /** Magnification to begin with, of ellipsoids and arrows. */
   magnification: number;
   /** Which way is up in the first view, and from where it looks. */

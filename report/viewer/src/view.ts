@@ -204,21 +204,25 @@ export class View {
   }
 
   private pyramidDepth(): number {
-    return 0.09 * this.radius;
+    return 0.12 * this.radius;
   }
 
   /** Looks at the points from the side that the report names, far enough for the cameras to be seen too. */
   private reset(): void {
     const towards = new Vector3(...(this.scene.towards as Triple)).normalize();
-    let reach = this.radius;
-    for (const camera of this.scene.cameras) reach = Math.max(reach, 0.75 * this.centre.distanceTo(new Vector3(...camera.centre)));
+    // The points matter, the cameras should be seen too: half way between the middle of the points and that of the cameras.
+    const middle = this.centre.clone();
+    const places = this.scene.cameras.map((camera) => new Vector3(...camera.centre));
+    for (const place of places) middle.addScaledVector(place.clone().sub(this.centre), 0.45 / places.length);
+    let reach = middle.distanceTo(this.centre) + 0.8 * this.radius;
+    for (const place of places) reach = Math.max(reach, middle.distanceTo(place));
     const aspect = Math.min(1, this.stage.clientWidth / Math.max(1, this.stage.clientHeight));
-    const distance = (1.15 * reach) / Math.sin((this.camera.fov / 2) * (Math.PI / 180)) / Math.max(0.3, aspect);
+    const distance = (0.85 * reach) / Math.sin((this.camera.fov / 2) * (Math.PI / 180)) / Math.max(0.3, aspect);
     this.camera.up.set(...(this.scene.up as Triple)).normalize();
     const aside = new Vector3().crossVectors(this.camera.up, towards).normalize();
-    const from = towards.clone().multiplyScalar(-1).addScaledVector(aside, 0.55).addScaledVector(this.camera.up, 0.35).normalize();
-    this.controls.target.copy(this.centre);
-    this.camera.position.copy(this.centre).addScaledVector(from, distance);
+    const from = towards.clone().multiplyScalar(-1).addScaledVector(aside, 0.9).addScaledVector(this.camera.up, 0.35).normalize();
+    this.controls.target.copy(middle);
+    this.camera.position.copy(middle).addScaledVector(from, distance);
     this.camera.near = distance / 1000;
     this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
