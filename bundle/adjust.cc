@@ -74,6 +74,7 @@ Result<> settle_robustly(const Survey& survey, const AdjustOptions& options, con
       progress);
   if (!summary) return fail(std::move(summary));
   detail::read_back(network, state);
+  state.iterations += summary->iterations;
   return {};
 }
 
@@ -199,7 +200,6 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
     }
   }
   if (auto ok = check_depth(*survey, *state); !ok) return fail(std::move(ok));
-  const int iterations = at->iterations;
 
   // The scale, the frame, and the final adjustment in it.
   auto scale = detail::scale_factor(*survey, *state);
@@ -216,7 +216,6 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
   detail::transform(*state, detail::principal_frame_from_network(*survey, *state));
   at = detail::estimate(*survey, *state, *plan, {false, options.max_iterations}, progress);
   if (!at) return fail(std::move(at));
-  at->iterations += iterations;
   detail::explain(*survey, *state, kAgreement * robust_px, reasons);
   auto result = detail::make_outcome(*survey, options, *state, *at, weights, reasons);
   if (result) detail::diagnose(*survey, options, *state, *at, weights, *result);

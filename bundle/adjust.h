@@ -26,7 +26,7 @@ struct AdjustOptions {
   /// Added in quadrature to the detector's sigmas with kDetector [px]: what a detector cannot see in one image (a target's own
   /// imperfection, the lens beyond its model). Default: none given, so it is estimated from the residuals as a variance
   /// component and sigma0 is 1 wherever it is larger than zero; the chi-square test then says nothing, and a warning says so.
-  std::optional<double> model_sigma_px;
+  std::optional<double> model_sigma_px = {};
 
   /// Probability of rejecting a correct observation. Default: 0.001, the level of Baarda's data snooping
   /// (Publ. on Geodesy 2(5), Delft 1968), which is 3.3 sigma of a single coordinate.
@@ -36,7 +36,7 @@ struct AdjustOptions {
   bool reject_outliers = true;
 
   /// Lens parameters held at their start value in every camera, by base::parameter_names ("k3", "p1"). Default: none.
-  std::vector<std::string> fixed_parameters;
+  std::vector<std::string> fixed_parameters = {};
 
   /// Points whose rays meet at less than this are left out [rad]: their depth would be noise. Default: 1 degree.
   double min_angle_rad = 0.0175;

@@ -60,7 +60,6 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
                           const base::Progress& progress) {
   NetworkModel network = build_model(survey, state, plan);
   const math::Parameters parameters = network.model.parameters();
-  int iterations = 0;
   bool minimise_now = options.minimise_first;
   double last = std::numeric_limits<double>::infinity();
   for (int step_number = 0;; ++step_number) {
@@ -69,7 +68,7 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
       auto summary = minimise(
           network.model, {.max_iterations = options.max_iterations, .robust_scale = {}, .function_tolerance = 1e-10}, progress);
       if (!summary) return fail(std::move(summary));
-      iterations += summary->iterations;
+      state.iterations += summary->iterations;
       minimise_now = false;
     }
     math::WhitenedRows rows;
@@ -91,16 +90,16 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
       const int observations = rows.row_count();
       const int unknowns = parameters.size();
       const int redundancy = observations - unknowns + static_cast<int>(equations->null_space().cols());
-      return Estimate{std::move(network),   std::move(rows), std::move(*equations),
-                      std::move(cofactors), iterations,      square_sum,
-                      observations,         unknowns,        redundancy};
+      return Estimate{
+          std::move(network), std::move(rows), std::move(*equations), std::move(cofactors), square_sum, observations,
+          unknowns,           redundancy};
     }
     if (moved > 2.0 * last && step_number > 0) {
       minimise_now = true;  // Gauss-Newton leaves the minimum: let the damped method find it
     }
     last = moved;
     if (!minimise_now) network.model.move(step);
-    ++iterations;
+    ++state.iterations;
   }
 }
 

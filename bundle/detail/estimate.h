@@ -17,8 +17,7 @@ struct Estimate {
   math::WhitenedRows rows;
   math::NormalEquations equations;
   std::vector<Eigen::MatrixXd> residual_cofactors;  ///< of each group, whitened
-  int iterations = 0;
-  double square_sum = 0.0;  ///< v'Pv
+  double square_sum = 0.0;                          ///< v'Pv
   int observations = 0;
   int unknowns = 0;
   int redundancy = 0;  ///< observations - unknowns + free directions

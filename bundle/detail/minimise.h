@@ -11,7 +11,7 @@ namespace crosstie::bundle::detail {
 struct MinimiseOptions {
   int max_iterations = 100;
   /// Scale of a Cauchy loss on measurements that may be wrong, in their whitened units; nothing: least squares.
-  std::optional<double> robust_scale;
+  std::optional<double> robust_scale = {};
   double function_tolerance = 1e-9;  ///< relative change of the sum of squares at which it stops
 };
 

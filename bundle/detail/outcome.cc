@@ -168,7 +168,7 @@ Result<AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& 
   result.conditions = static_cast<int>(at.equations.null_space().cols());
   result.redundancy = at.redundancy;
   result.chi2_p = at.redundancy > 0 ? math::chi_square_two_sided(at.square_sum, at.redundancy) : 1.0;
-  result.iterations = at.iterations;
+  result.iterations = state.iterations;
   // Without redundancy there is nothing to judge the a priori sigmas by: they are taken as they are.
   const double variance = at.redundancy > 0 ? result.sigma0 * result.sigma0 : 1.0;
 

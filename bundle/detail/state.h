@@ -16,6 +16,7 @@ struct State {
   std::vector<Eigen::VectorXd> lenses;                 ///< parameters of each camera
   std::vector<std::optional<base::Pose>> poses;        ///< network_from_camera of each image that is oriented
   std::vector<std::optional<Eigen::Vector3d>> points;  ///< in network, of each point that is known
+  int iterations = 0;                                  ///< that it took to get here from the start values
   std::vector<char> active;                            ///< of each ray: whether it takes part
 
   [[nodiscard]] bool knows(const Ray& ray) const {

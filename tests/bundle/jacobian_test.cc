@@ -1,0 +1,112 @@
+#include <cmath>
+#include <functional>
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+
+#include "bundle/detail/distance.h"
+#include "bundle/detail/estimate.h"
+#include "bundle/detail/image_point.h"
+#include "bundle/detail/prior.h"
+#include "tests/bundle/synthetic_network.h"
+
+namespace crosstie::bundle::detail {
+namespace {
+
+/// Every Jacobian of a measurement against central differences of its residual along each tangent direction.
+void expect_true_jacobians(Model& model) {
+  const Measurement& measurement = *model.measurements.front();
+  math::WhitenedRows rows;
+  ASSERT_TRUE(model.linearise(rows));
+  const math::Parameters parameters = model.parameters();
+  const auto residual_after = [&](const Eigen::VectorXd& step) {
+    std::vector<Block> blocks = model.blocks;
+    model.move(step);
+    math::WhitenedRows moved;
+    EXPECT_TRUE(model.linearise(moved));
+    model.blocks = std::move(blocks);
+    return Eigen::VectorXd(moved.residual(0));
+  };
+  for (std::size_t t = 0; t < rows.terms(0).size(); ++t) {
+    const math::ParameterBlock& block = parameters.block(rows.terms(0)[t].block);
+    const Eigen::MatrixXd jacobian = rows.jacobian(0, t);
+    for (int i = 0; i < block.size(); ++i) {
+      const double typical = std::max(jacobian.col(i).norm(), 1e-3);
+      const double h = 1e-4 / typical;
+      Eigen::VectorXd step = Eigen::VectorXd::Zero(parameters.size());
+      step(block.offset + i) = h;
+      const Eigen::VectorXd numeric = (residual_after(step) - residual_after(-step)) / (2.0 * h);
+      EXPECT_LT((numeric - jacobian.col(i)).norm(), 2e-6 * typical) << parameters.label(block.offset + i);
+    }
+  }
+  EXPECT_EQ(rows.row_count(), measurement.rows());
+}
+
+TEST(Jacobians, ImagePoint) {
+  for (const base::LensModel lens : {base::LensModel::kPinhole, base::LensModel::kOpenCv5, base::LensModel::kOpenCv12}) {
+    Eigen::VectorXd parameters = 0.01 * Eigen::VectorXd::LinSpaced(base::parameter_count(lens), 1.0, 2.0);
+    parameters.head<4>() << 2100.0, 2090.0, 990.0, 660.0;
+    Model model;
+    Block camera{"camera", Block::Kind::kVector, {parameters.data(), parameters.data() + parameters.size()}, {}, {}, {}};
+    for (int i = 0; i < parameters.size(); ++i) {
+      camera.components.emplace_back(base::parameter_names(lens)[static_cast<std::size_t>(i)]);
+      if (i != 1) camera.free.push_back(i);  // one held: the others must keep their columns
+    }
+    model.add(camera);
+    model.add(pose_block("image", tests::looking_at({400.0, -300.0, 1100.0}, {20.0, 30.0, 0.0}, 0.7)));
+    model.add(point_block("point", {120.0, 80.0, -40.0}));
+    Eigen::Matrix2d whitening;
+    whitening << 30.0, 0.0, -8.0, 45.0;
+    model.measurements.push_back(std::make_unique<ImagePoint>(0, 1, 2, lens, Eigen::Vector2d(1000.0, 700.0), whitening));
+    expect_true_jacobians(model);
+  }
+}
+
+TEST(Jacobians, Distance) {
+  Model model;
+  model.add(point_block("a", {120.0, 80.0, -40.0}));
+  model.add(point_block("b", {-300.0, 20.0, 75.0}));
+  model.measurements.push_back(std::make_unique<Distance>(0, 1, 400.0, 0.02));
+  expect_true_jacobians(model);
+}
+
+TEST(Jacobians, Prior) {
+  Model model;
+  Block block{"camera", Block::Kind::kVector, {1.0, 2.0, 3.0}, {"a", "b", "c"}, {0, 2}, math::BlockRole::kKept};
+  model.add(block);
+  Eigen::MatrixXd whitening(2, 3);
+  whitening << 2.0, 0.0, 0.0, -1.0, 0.0, 5.0;
+  model.measurements.push_back(std::make_unique<Prior>(0, Eigen::Vector3d(0.5, 2.0, 3.5), whitening));
+  expect_true_jacobians(model);
+}
+
+TEST(Jacobians, TheNullSpaceIsOne) {
+  // Moving, turning and scaling a network of our own making changes no image point.
+  const tests::SyntheticNetwork synthetic = tests::make_synthetic({.images = 3, .columns = 3, .rows = 2});
+  auto survey = make_survey(synthetic.network);
+  ASSERT_TRUE(survey);
+  State state = start_state(*survey);
+  for (std::size_t i = 0; i < state.poses.size(); ++i) state.poses[i] = synthetic.network_from_camera[i];
+  for (std::size_t p = 0; p < state.points.size(); ++p) state.points[p] = synthetic.points[p];
+  NetworkModel network = build_model(*survey, state, {});
+  const Eigen::MatrixXd directions = null_space(network);
+  ASSERT_EQ(directions.cols(), 7);
+  const auto residuals = [&](const NetworkModel& at) {
+    math::WhitenedRows rows;
+    EXPECT_TRUE(at.model.linearise(rows));
+    Eigen::VectorXd all(rows.row_count());
+    for (int g = 0; g < rows.group_count(); ++g) all.segment<2>(2 * g) = rows.residual(g);
+    return all;
+  };
+  const Eigen::VectorXd before = residuals(network);
+  for (Eigen::Index k = 0; k < 7; ++k) {
+    NetworkModel moved = build_model(*survey, state, {});
+    const double h = 1e-5 / directions.col(k).cwiseAbs().maxCoeff() * 1000.0;
+    moved.model.move(h * directions.col(k));
+    EXPECT_LT((residuals(moved) - before).norm(), 1e-6)
+        << k;  // second order in h, where an observed direction gives 1e-2 and more
+  }
+}
+
+}  // namespace
+}  // namespace crosstie::bundle::detail
