@@ -16,9 +16,9 @@ std::string_view verdict_level_name(VerdictLevel level) {
 
 VerdictLevel judge_upper_limit(double value, double limit, double expanded_uncertainty) {
   // Written so that a value, limit or uncertainty that is not a number never passes.
-  if (!(value <= limit)) return VerdictLevel::kFail;
   if (value + expanded_uncertainty <= limit) return VerdictLevel::kOk;
-  return VerdictLevel::kWarning;
+  if (value - expanded_uncertainty <= limit) return VerdictLevel::kWarning;
+  return VerdictLevel::kFail;
 }
 
 }  // namespace crosstie::base

@@ -5,7 +5,8 @@
 
 namespace crosstie::base {
 
-/// After ISO 14253-1: inside the limit by more than U (k = 2) is OK, within U of it WARNING, outside FAIL.
+/// After ISO 14253-1: inside the limit by more than U (k = 2) is OK, within U of it on either side, where neither can be
+/// proven, WARNING, outside by more than U FAIL.
 enum class VerdictLevel { kOk, kWarning, kFail };
 
 /// "OK", "WARNING", "FAIL".

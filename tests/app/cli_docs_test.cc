@@ -13,9 +13,14 @@
 namespace crosstie::app {
 namespace {
 
-std::string cell(std::string text) {
-  for (std::size_t at = text.find('|'); at != std::string::npos; at = text.find('|', at + 2)) text.insert(at, "\\");
-  return text;
+/// Text of a table's cell: bars escaped.
+std::string cell(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '|') escaped.push_back('\\');
+    escaped.push_back(c);
+  }
+  return escaped;
 }
 
 std::string verb_section(const Verb& verb) {
@@ -26,7 +31,7 @@ std::string verb_section(const Verb& verb) {
                         option.required   ? " (required)"
                         : option.repeated ? " (repeatable)"
                                           : "",
-                        option.value.empty() ? "" : "`" + cell(option.value) + "`", cell(option.help));
+                        option.value.empty() ? "" : fmt::format("`{}`", cell(option.value)), cell(option.help));
   }
   return text;
 }

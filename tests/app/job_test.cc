@@ -91,7 +91,7 @@ TEST(Job, ReadsPastTheTablesOfLaterVerbsButChecksTheirKeys) {
   const auto job = read_job(folder.path());
   ASSERT_TRUE(job) << job.error().message;
   EXPECT_THAT(job->unused, testing::ElementsAre("station"));
-  folder.write("job.toml", std::string(kJob) + "[[station]]\naxis = 850.0\n");
+  folder.write("job.toml", std::string(kJob) + "[[station]]\naxis_m = 0.85\n");
   EXPECT_THAT(read_job(folder.path()).error().message, HasSubstr("did you mean 'axis_mm'"));
 }
 

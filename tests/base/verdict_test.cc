@@ -14,14 +14,15 @@ TEST(Verdict, FollowsIso14253) {
   EXPECT_EQ(judge_upper_limit(0.7, 1.0, 0.2), VerdictLevel::kOk);
   EXPECT_EQ(judge_upper_limit(0.9, 1.0, 0.2), VerdictLevel::kWarning);
   EXPECT_EQ(judge_upper_limit(1.0, 1.0, 0.0), VerdictLevel::kOk);
-  EXPECT_EQ(judge_upper_limit(1.1, 1.0, 0.2), VerdictLevel::kFail);
+  EXPECT_EQ(judge_upper_limit(1.1, 1.0, 0.2), VerdictLevel::kWarning);
+  EXPECT_EQ(judge_upper_limit(1.3, 1.0, 0.2), VerdictLevel::kFail);
 }
 
 TEST(Verdict, NothingThatIsNoNumberPasses) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(judge_upper_limit(nan, 1.0, 0.0), VerdictLevel::kFail);
   EXPECT_EQ(judge_upper_limit(0.0, nan, 0.0), VerdictLevel::kFail);
-  EXPECT_EQ(judge_upper_limit(0.0, 1.0, nan), VerdictLevel::kWarning);
+  EXPECT_EQ(judge_upper_limit(0.0, 1.0, nan), VerdictLevel::kFail);
 }
 
 TEST(Verdict, NamesAreThoseOfTheDocuments) {
