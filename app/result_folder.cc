@@ -61,7 +61,7 @@ void sync_folder(const fs::path& folder) {
 
 }  // namespace
 
-Result<ResultFolder> ResultFolder::begin(const fs::path& target) {
+Result<ResultFolder> ResultFolder::begin(const fs::path& target, bool (*may_replace)(const fs::path&)) {
   ResultFolder folder;
   std::error_code error;
   folder.target_ = fs::absolute(target, error).lexically_normal();
@@ -71,7 +71,7 @@ Result<ResultFolder> ResultFolder::begin(const fs::path& target) {
   }
   if (auto made = base::make_folder(folder.target_.parent_path()); !made) return base::fail(std::move(made));
 
-  if (!is_ours(folder.target_)) {
+  if (!is_ours(folder.target_) && (may_replace == nullptr || !may_replace(folder.target_))) {
     return base::fail(ErrorCode::kFileSystem,
                       fmt::format("{} holds files that are no crosstie result and would be lost; name a new or empty folder",
                                   target.string()));

@@ -11,7 +11,9 @@ namespace crosstie::app {
 class ResultFolder {
  public:
   /// Creates the temporary folder (and the parents of `target`). Temporary folders that a killed process left are removed.
-  static base::Result<ResultFolder> begin(const std::filesystem::path& target);
+  /// What stands at `target` is replaced where it is an empty folder, an earlier result, or `may_replace` says so.
+  static base::Result<ResultFolder> begin(const std::filesystem::path& target,
+                                          bool (*may_replace)(const std::filesystem::path&) = nullptr);
 
   ResultFolder(ResultFolder&& other) noexcept;
   ResultFolder& operator=(ResultFolder&&) = delete;

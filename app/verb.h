@@ -59,5 +59,6 @@ Verb verify_verb();
 Verb run_verb();
 Verb simulate_verb();
 Verb targets_verb();
+Verb convert_verb();
 
 }  // namespace crosstie::app

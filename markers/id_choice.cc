@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <iterator>
 
 #include <fmt/format.h>
 
@@ -35,12 +36,40 @@ Result<std::vector<Candidate>> candidates_of(const MarkerFamily& family, std::sp
   return candidates;
 }
 
+int parity(const Candidate& c) { return std::popcount(c.code.code) % 2; }
+
 /// What any two different codes are apart at least: 2 where all have an even, or all an odd number of segments set.
 int least_distance(const std::vector<Candidate>& candidates) {
-  const auto parity = [](const Candidate& c) { return std::popcount(c.code.code) % 2; };
   const bool same = std::all_of(candidates.begin(), candidates.end(),
                                 [&](const Candidate& c) { return parity(c) == parity(candidates.front()); });
   return same ? 2 : 1;
+}
+
+/// The greedy choice of `count` of the candidates, which are that many at least.
+IdChoice greedy_choice(const MarkerFamily& family, std::vector<Candidate> candidates, int count) {
+  const int least = least_distance(candidates);
+  IdChoice choice;
+  choice.smallest_distance = count > 1 ? family.bits : 0;
+  bool all_are_near = false;
+  while (choice.ids.size() < static_cast<std::size_t>(count)) {
+    // Once every candidate is as near as codes can be, the order no longer matters.
+    const auto next = all_are_near ? std::find_if(candidates.begin(), candidates.end(), [](const auto& c) { return !c.chosen; })
+                                   : std::max_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
+                                       return (a.chosen ? -1 : a.distance) < (b.chosen ? -1 : b.distance);
+                                     });
+    next->chosen = true;
+    if (!choice.ids.empty()) choice.smallest_distance = std::min(choice.smallest_distance, next->distance);
+    choice.ids.push_back(next->code.id);
+    if (all_are_near || next->distance <= least) {
+      all_are_near = true;
+      continue;
+    }
+    for (Candidate& c : candidates) {
+      if (!c.chosen) c.distance = std::min(c.distance, cyclic_distance(next->code.code, c.code.code, family.bits));
+    }
+  }
+  std::sort(choice.ids.begin(), choice.ids.end());
+  return choice;
 }
 
 }  // namespace
@@ -59,32 +88,19 @@ Result<IdChoice> choose_distant_ids(const MarkerFamily& family, std::span<const 
   if (count < 1 || static_cast<std::size_t>(count) > pool.size()) {
     return base::fail(ErrorCode::kUsage, fmt::format("{} ids are wanted of the {} that there are", count, pool.size()));
   }
-  auto candidates = candidates_of(family, pool);
-  if (!candidates) return base::fail(std::move(candidates));
-  const int least = least_distance(*candidates);
-  IdChoice choice;
-  choice.smallest_distance = count > 1 ? family.bits : 0;
-  bool all_are_near = false;
-  while (choice.ids.size() < static_cast<std::size_t>(count)) {
-    // Once every candidate is as near as codes can be, the order no longer matters.
-    const auto next = all_are_near
-                          ? std::find_if(candidates->begin(), candidates->end(), [](const auto& c) { return !c.chosen; })
-                          : std::max_element(candidates->begin(), candidates->end(), [](const auto& a, const auto& b) {
-                              return (a.chosen ? -1 : a.distance) < (b.chosen ? -1 : b.distance);
-                            });
-    next->chosen = true;
-    if (!choice.ids.empty()) choice.smallest_distance = std::min(choice.smallest_distance, next->distance);
-    choice.ids.push_back(next->code.id);
-    if (all_are_near || next->distance <= least) {
-      all_are_near = true;
-      continue;
-    }
-    for (Candidate& c : *candidates) {
-      if (!c.chosen) c.distance = std::min(c.distance, cyclic_distance(next->code.code, c.code.code, family.bits));
-    }
+  const auto candidates = candidates_of(family, pool);
+  if (!candidates) return tl::unexpected<base::Error>(candidates.error());
+  IdChoice best = greedy_choice(family, *candidates, count);
+  // Codes of one parity are at least 2 apart, which the greedy way through a mixed family may miss.
+  for (const int wanted : {0, 1}) {
+    std::vector<Candidate> half;
+    std::copy_if(candidates->begin(), candidates->end(), std::back_inserter(half),
+                 [&](const Candidate& c) { return parity(c) == wanted; });
+    if (half.size() < static_cast<std::size_t>(count) || half.size() == candidates->size()) continue;
+    IdChoice choice = greedy_choice(family, std::move(half), count);
+    if (choice.smallest_distance > best.smallest_distance) best = std::move(choice);
   }
-  std::sort(choice.ids.begin(), choice.ids.end());
-  return choice;
+  return best;
 }
 
 }  // namespace crosstie::markers

@@ -19,9 +19,10 @@ struct IdChoice {
 };
 
 /// Chooses `count` of the ids in `pool` (each of the family, once) whose codes lie far apart in cyclic distance: beginning with
-/// the pool's lowest id, always the one whose nearest chosen neighbour is farthest, the lowest id among equals (greedy max-min:
-/// not always the best choice there is, but always the same one).
-/// Errors (kUsage): a count that is not 1 to the pool's size, an id that the family does not have, an id given twice.
+/// the pool's lowest id, always the one whose nearest chosen neighbour is farthest, the lowest id among equals; where codes of
+/// both parities are in the pool, the same among those of one parity, and the best of the three is taken (greedy max-min: not
+/// always the best choice there is, but always the same one). Errors (kUsage): a count that is not 1 to the pool's size, an id
+/// that the family does not have, an id given twice.
 [[nodiscard]] base::Result<IdChoice> choose_distant_ids(const MarkerFamily& family, std::span<const int> pool, int count);
 
 }  // namespace crosstie::markers
