@@ -40,8 +40,7 @@ std::vector<Matrix3d> five_point_essentials(const std::array<Vector3d, 5>& direc
   try {
     const opengv::bearingVectors_t a(directions_a.begin(), directions_a.end());
     const opengv::bearingVectors_t b(directions_b.begin(), directions_b.end());
-    // OpenGV's E satisfies b' E a = 0 for its adapter (a, b).
-    const opengv::relative_pose::CentralRelativeAdapter adapter(b, a);
+    const opengv::relative_pose::CentralRelativeAdapter adapter(a, b);
     for (const opengv::essential_t& solution : opengv::relative_pose::fivept_nister(adapter)) {
       if (solution.allFinite()) essentials.emplace_back(solution);
     }

@@ -105,8 +105,31 @@ class StopWhenAsked final : public ceres::IterationCallback {
   const base::Progress& progress_;
 };
 
+/// The values of all blocks in one piece of memory, in the order of the blocks: Ceres sorts by address, and sums in that order.
+class Values {
+ public:
+  explicit Values(const Model& model) {
+    for (const Block& block : model.blocks) {
+      first_.push_back(all_.size());
+      all_.insert(all_.end(), block.values.begin(), block.values.end());
+    }
+  }
+  [[nodiscard]] double* of(std::size_t block) { return all_.data() + first_[block]; }
+  void write_to(Model& model) const {
+    for (std::size_t b = 0; b < first_.size(); ++b) {
+      std::copy_n(all_.begin() + static_cast<std::ptrdiff_t>(first_[b]), model.blocks[b].values.size(),
+                  model.blocks[b].values.begin());
+    }
+  }
+
+ private:
+  std::vector<std::size_t> first_;
+  std::vector<double> all_;
+};
+
 /// Points are eliminated first, those aside that a measurement joins to each other.
-std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order(Model& model, const std::vector<bool>& used) {
+std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order(const Model& model, const std::vector<bool>& used,
+                                                                 Values& values) {
   std::set<int> joined;
   for (const auto& measurement : model.measurements) {
     std::vector<int> eliminated;
@@ -119,7 +142,7 @@ std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order(Model& model, c
   for (std::size_t b = 0; b < model.blocks.size(); ++b) {
     if (!used[b]) continue;
     const bool first = model.blocks[b].role == math::BlockRole::kEliminated && !joined.contains(static_cast<int>(b));
-    order->AddElementToGroup(model.blocks[b].values.data(), first ? 0 : 1);
+    order->AddElementToGroup(values.of(b), first ? 0 : 1);
   }
   return order;
 }
@@ -133,14 +156,15 @@ Result<MinimiseSummary> solve(Model& model, const MinimiseOptions& options, cons
   if (options.robust_scale) loss = std::make_unique<ceres::CauchyLoss>(*options.robust_scale);
   std::vector<std::unique_ptr<ceres::Manifold>> subsets;
   ceres::Problem problem(ownership);
+  Values all(model);
 
   std::vector<bool> used(model.blocks.size(), false);
   int poses = 0;
   for (const auto& measurement : model.measurements) {
     std::vector<double*> values;
     for (const int b : measurement->blocks()) {
-      Block& block = model.blocks[static_cast<std::size_t>(b)];
-      values.push_back(block.values.data());
+      const Block& block = model.blocks[static_cast<std::size_t>(b)];
+      values.push_back(all.of(static_cast<std::size_t>(b)));
       if (used[static_cast<std::size_t>(b)]) continue;
       used[static_cast<std::size_t>(b)] = true;
       problem.AddParameterBlock(values.back(), static_cast<int>(block.values.size()));
@@ -173,7 +197,7 @@ Result<MinimiseSummary> solve(Model& model, const MinimiseOptions& options, cons
   solver.parameter_tolerance = 1e-12;
   constexpr int kDensePoses = 150;
   solver.linear_solver_type = poses <= kDensePoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
-  solver.linear_solver_ordering = elimination_order(model, used);
+  solver.linear_solver_ordering = elimination_order(model, used, all);
   StopWhenAsked stop(progress);
   solver.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
@@ -182,6 +206,7 @@ Result<MinimiseSummary> solve(Model& model, const MinimiseOptions& options, cons
   if (!summary.IsSolutionUsable()) {
     return fail(ErrorCode::kNoUniqueSolution, "the minimisation found no solution: " + summary.message);
   }
+  all.write_to(model);
   return MinimiseSummary{static_cast<int>(summary.iterations.size()), summary.final_cost};
 }
 

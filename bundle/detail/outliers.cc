@@ -25,6 +25,15 @@ std::vector<int> active_rays(const State& state, const std::vector<int>& rays) {
   return active;
 }
 
+/// Why a point never got a position.
+std::string lonely(const Survey& survey, const State& state, int point) {
+  int oriented = 0;
+  for (const int r : survey.rays_of_point[static_cast<std::size_t>(point)]) {
+    oriented += state.poses[static_cast<std::size_t>(survey.rays[static_cast<std::size_t>(r)].image)] ? 1 : 0;
+  }
+  return oriented < 2 ? "one ray only" : "its rays do not meet in one place";
+}
+
 double critical_value(const AdjustOptions& options, int redundancy) {
   return redundancy > 3 ? math::tau_quantile(1.0 - options.significance, 2.0, redundancy) : 1e300;
 }
@@ -244,7 +253,7 @@ void explain(const Survey& survey, const State& state, double tolerance_px, Reas
     }
     if (!state.points[static_cast<std::size_t>(ray.point)]) {
       reasons.ray[r] = !at_place_of.empty() ? "wrong id: image point lies " + at_place_of
-                       : of_point.empty()   ? "its point is not determined"
+                       : of_point.empty()   ? lonely(survey, state, ray.point)
                                             : of_point;
       continue;
     }

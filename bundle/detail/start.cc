@@ -24,6 +24,7 @@ constexpr double kStartAngle_rad = 0.026;  // rays of a new point meet at this o
 constexpr double kTruncation_px = 5.0;     // of the sum of squares that compares outcomes
 constexpr double kGood_px = 0.3;           // an outcome with this robust sigma that explains nearly all rays is taken
 constexpr double kGoodShare = 0.85;
+constexpr double kSameOutcome = 0.01;  // relative difference of two sums: two pairs that lead to the same place confirm it
 
 struct Pair {
   int a = 0;
@@ -138,7 +139,7 @@ class Growth {
       triangulate_all();
       bool more = false;
       for (std::size_t i = 0; i < survey_.images.size(); ++i) {
-        if (state_.poses[i]) continue;
+        if (state_.poses[i] && !disagrees(static_cast<int>(i))) continue;
         const auto resection = resect(survey_, state_, directions_, static_cast<int>(i), tolerance_px_);
         if (!resection) continue;
         state_.poses[i] = resection->network_from_camera;
@@ -209,6 +210,19 @@ class Growth {
       state_.points[p].reset();
       if (found && 2 * found->rays.size() >= candidates.size()) state_.points[p] = found->point;
     }
+  }
+
+  /// Whether an image got into a wrong pose: half of its rays miss their points.
+  [[nodiscard]] bool disagrees(int image) const {
+    int known = 0;
+    int agreeing = 0;
+    for (const int r : survey_.rays_of_image[static_cast<std::size_t>(image)]) {
+      const Ray& ray = survey_.rays[static_cast<std::size_t>(r)];
+      if (!state_.active[static_cast<std::size_t>(r)] || !state_.points[static_cast<std::size_t>(ray.point)]) continue;
+      ++known;
+      agreeing += distance_px(survey_, state_, ray) < tolerance_px_ ? 1 : 0;
+    }
+    return 2 * agreeing < known;
   }
 
   /// Lens parameters by what the images of a camera can carry, about their start values.
@@ -299,6 +313,7 @@ Result<State> orient(const Survey& survey, const AdjustOptions& options, const s
   }
   std::optional<State> best;
   double best_sum = std::numeric_limits<double>::infinity();
+  std::size_t best_pair = pairs.size();
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     progress("start values", k, pairs.size());
     const Sights sights = common_sights(survey, start, directions, pairs[k].a, pairs[k].b);
@@ -307,10 +322,14 @@ Result<State> orient(const Survey& survey, const AdjustOptions& options, const s
       Growth growth(survey, options, free_lens, progress);
       if (!growth.begin(pairs[k], a_from_b) || !growth.run()) continue;
       const double sum = growth.truncated_sum();
-      if (sum >= best_sum) continue;
-      best_sum = sum;
-      best = growth.state();
-      if (!growth.good()) continue;
+      const bool confirmed = best_pair != k && best_pair < pairs.size() && std::abs(sum - best_sum) < kSameOutcome * best_sum;
+      const bool good = growth.good();
+      if (sum < best_sum) {
+        best_sum = sum;
+        best = growth.state();
+        best_pair = k;
+      }
+      if (!good && !confirmed) continue;
       progress("start values", pairs.size(), pairs.size());
       return *best;
     }

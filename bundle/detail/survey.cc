@@ -16,8 +16,9 @@ using base::ErrorCode;
 using base::fail;
 using base::Result;
 
-constexpr double kLeastShareOfMedian = 1.0 / 3.0;
-constexpr double kFallbackSigma_px = 0.05;  // where no detector covariance is usable at all
+constexpr double kLeastShareOfMedian = 1.0 / 3.0;  // a smaller sigma is raised to this
+constexpr double kIncredible = 0.1;                // of the median: a smaller sigma is no measurement's
+constexpr double kFallbackSigma_px = 0.05;         // where no detector covariance is usable at all
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -43,7 +44,7 @@ void repair_covariances(Survey& survey) {
                      survey.rays.size() - sigmas.size(), survey.rays.size(), typical)});
   }
   for (Ray& ray : survey.rays) {
-    if (!usable(ray.cov_px2)) {
+    if (!usable(ray.cov_px2) || ray.cov_px2.trace() < 2.0 * std::pow(kIncredible * typical, 2)) {
       ray.cov_px2 = typical * typical * Eigen::Matrix2d::Identity();
       continue;
     }

@@ -45,8 +45,9 @@ struct Survey {
   }
 };
 
-/// Checks and sorts. Detector covariances that are unusable (not finite, not positive) become the network's median; a sigma
-/// below a third of that median is raised to it, since no detector is that much better on one marker of many.
+/// Checks and sorts. Detector covariances that are unusable (not finite, not positive, under a tenth of the median) become the
+/// network's median; a sigma below a third of that median is raised to it, since no detector is that much better on one marker
+/// of many.
 base::Result<Survey> make_survey(const base::Network& network);
 
 }  // namespace crosstie::bundle::detail

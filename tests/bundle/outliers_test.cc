@@ -159,7 +159,7 @@ TEST(Outliers, PoorCovariancesDoNoHarm) {
   int k = 0;
   for (auto& image : synthetic.network.images) {
     for (auto& observation : image.observations) {
-      switch (k++ % 5) {
+      switch (k++ % 6) {
         case 0:
           observation.cov_px2.setZero();
           break;
