@@ -24,7 +24,7 @@ using ExtendedNormal = Eigen::Matrix<double, kExtended, kExtended>;
 using ExtendedVector = Eigen::Matrix<double, kExtended, 1>;
 
 constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
-constexpr double kSlopeSigma = 0.15;      // a priori: change of a level per dot radius, of the contrast
+constexpr double kSlopeSigma = 0.02;      // a priori: change of a level per dot radius, of the contrast
 constexpr double kOutlier = 4.0;          // standard deviations from which on a pixel loses weight
 constexpr double kQuantisation = 0.3;     // grey levels: no pixel is better than the rounding of its level
 constexpr double kRoughlyConvergedPx = 1e-2;
@@ -32,14 +32,17 @@ constexpr double kConvergedPx = 1e-4;
 constexpr int kMaxIterations = 20;
 constexpr double kHopeless = 0.3;  // RMS of the residuals over the contrast: not a dot
 
-/// Standard deviations in grey levels: at the dark and the bright end of the edge, and per grey level of slope.
+/// Standard deviations in grey levels at the dark and the bright end of the edge, and how far pixels on the edge may be off
+/// before they count as outliers: a lens does not blur exactly like a Gaussian, which shows where the slope is steep.
 struct NoiseModel {
   double outer = 1.0;
   double inner = 1.0;
-  double edge_px = 0.0;
+  double edge = 0.0;
+  double steepest = 1.0;
 
-  [[nodiscard]] double variance(double inside, double slope) const {
-    return outer * outer + (inner * inner - outer * outer) * inside + edge_px * edge_px * slope * slope;
+  [[nodiscard]] double variance(double inside) const { return outer * outer + (inner * inner - outer * outer) * inside; }
+  [[nodiscard]] double tolerated(double inside, double slope) const {
+    return variance(inside) + std::pow(edge * slope / steepest, 2);
   }
 };
 
@@ -47,17 +50,16 @@ double residual_of(const DotPixel& pixel, const Prediction& p, double saturated_
   return std::min(pixel.grey, saturated_level) - p.grey;
 }
 
-double robust_weight(double residual, double variance) {
-  const double t2 = residual * residual / (kOutlier * kOutlier * variance);
+double robust_weight(double residual, double tolerated) {
+  const double t2 = residual * residual / (kOutlier * kOutlier * tolerated);
   return t2 <= 1.0 ? 1.0 : 1.0 / t2;
 }
 
-/// Cost of a residual whose weight is robust_weight (its weight taken as fixed: what iteratively reweighted least squares
-/// lower).
-double robust_cost(double residual, double variance) {
-  const double t2 = residual * residual / (kOutlier * kOutlier * variance);
-  const double unit = kOutlier * kOutlier;
-  return t2 <= 1.0 ? unit * t2 : unit * (1.0 + std::log(t2));
+/// Cost of a residual whose weight is robust_weight / variance.
+double robust_cost(double residual, double variance, double tolerated) {
+  const double limit2 = kOutlier * kOutlier * tolerated;
+  const double r2 = residual * residual;
+  return r2 <= limit2 ? r2 / variance : limit2 / variance * (1.0 + std::log(r2 / limit2));
 }
 
 double median_of(std::vector<double>& values) {
@@ -76,31 +78,23 @@ void add_outer_product(const Eigen::Matrix<double, N, 1>& j, double w, Eigen::Ma
   }
 }
 
-/// Median of |residual| as a standard deviation over three classes of pixels.
+/// Median of |residual| as a standard deviation, inside and outside of the edge apart: brighter pixels are noisier.
 NoiseModel noise_of(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level) {
-  std::vector<double> outer, inner, edge, edge_slope2;
-  double steepest = 0.0;
-  for (const DotPixel& pixel : pixels) steepest = std::max(steepest, std::abs(model.at(pixel).slope));
+  std::vector<double> outer, inner, edge;
+  NoiseModel noise;
+  for (const DotPixel& pixel : pixels) noise.steepest = std::max(noise.steepest, std::abs(model.at(pixel).slope));
   for (const DotPixel& pixel : pixels) {
     const Prediction p = model.at(pixel);
     if (p.cut_off) continue;
-    const double r = std::abs(residual_of(pixel, p, saturated_level));
-    if (std::abs(p.slope) > 0.4 * steepest) {
-      edge.push_back(r);
-      edge_slope2.push_back(p.slope * p.slope);
-    } else if (std::abs(p.slope) < 0.1 * steepest) {
-      (p.inside < 0.5 ? outer : inner).push_back(r);
-    }
+    const double residual = std::abs(residual_of(pixel, p, saturated_level));
+    (p.inside < 0.5 ? outer : inner).push_back(residual);
+    if (std::abs(p.slope) > 0.4 * noise.steepest) edge.push_back(residual);
   }
-  NoiseModel noise;
   constexpr double kMadToSigma = 1.4826;
-  if (outer.size() >= 8) noise.outer = std::max(kQuantisation, kMadToSigma * median_of(outer));
-  noise.inner = inner.size() >= 8 ? std::max(kQuantisation, kMadToSigma * median_of(inner)) : noise.outer;
-  if (edge.size() >= 8) {
-    const double variance = std::pow(kMadToSigma * median_of(edge), 2);
-    const double flat = 0.5 * (noise.outer * noise.outer + noise.inner * noise.inner);
-    noise.edge_px = std::sqrt(std::max(0.0, variance - flat) / median_of(edge_slope2));
-  }
+  constexpr std::size_t kEnough = 8;
+  if (outer.size() >= kEnough) noise.outer = std::max(kQuantisation, kMadToSigma * median_of(outer));
+  noise.inner = inner.size() >= kEnough ? std::max(kQuantisation, kMadToSigma * median_of(inner)) : noise.outer;
+  if (edge.size() >= kEnough) noise.edge = kMadToSigma * median_of(edge);
   return noise;
 }
 
@@ -128,11 +122,12 @@ double prior_cost(const State& state, const State& start) {
 
 /// Evaluates the model at all pixels and returns the cost.
 double evaluate(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level,
-                const std::vector<double>& variances, std::vector<Prediction>& predictions) {
+                const std::vector<double>& variances, const std::vector<double>& tolerated,
+                std::vector<Prediction>& predictions) {
   double cost = 0.0;
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     predictions[i] = model.at(pixels[i]);
-    cost += robust_cost(residual_of(pixels[i], predictions[i], saturated_level), variances[i]);
+    cost += robust_cost(residual_of(pixels[i], predictions[i], saturated_level), variances[i], tolerated[i]);
   }
   return cost;
 }
@@ -155,18 +150,20 @@ struct Problem {
 void adjust(const Problem& problem, double converged_px, int max_iterations, State& state) {
   const std::vector<DotPixel>& pixels = problem.pixels;
   std::vector<double> variances(pixels.size());
+  std::vector<double> tolerated(pixels.size());
   std::vector<Prediction> predictions(pixels.size());
   std::vector<Prediction> tried(pixels.size());
   {
     const Model model(state, problem.radius_px, problem.saturated_level);
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       const Prediction p = model.at(pixels[i]);
-      variances[i] = problem.noise.variance(p.inside, p.slope);
+      variances[i] = problem.noise.variance(p.inside);
+      tolerated[i] = problem.noise.tolerated(p.inside, p.slope);
     }
   }
   const auto cost_of = [&](const State& at, std::vector<Prediction>& out) {
     const Model model(at, problem.radius_px, problem.saturated_level);
-    return prior_cost(at, problem.start) + evaluate(pixels, model, problem.saturated_level, variances, out);
+    return prior_cost(at, problem.start) + evaluate(pixels, model, problem.saturated_level, variances, tolerated, out);
   };
   const double radius3 = std::pow(problem.radius_px, 3);
   double cost = cost_of(state, predictions);
@@ -180,7 +177,7 @@ void adjust(const Problem& problem, double converged_px, int max_iterations, Sta
       const Prediction& p = predictions[i];
       if (p.cut_off) continue;
       const double r = residual_of(pixels[i], p, problem.saturated_level);
-      const double w = robust_weight(r, variances[i]) / variances[i];
+      const double w = robust_weight(r, tolerated[i]) / variances[i];
       model.derivatives(p, j);
       add_outer_product(j, w, n);
       b += (w * r) * j;
@@ -250,8 +247,8 @@ void judge_edge(const Problem& problem, const State& state, DotFit& fit) {
     const double r = residual_of(pixel, p, problem.saturated_level);
     squares += r * r;
     if (p.cut_off) continue;
-    const double variance = problem.noise.variance(p.inside, p.slope);
-    const double w = robust_weight(r, variance);
+    const double variance = problem.noise.variance(p.inside);
+    const double w = robust_weight(r, problem.noise.tolerated(p.inside, p.slope));
     edge_weight += p.slope * p.slope;
     edge_lost += p.slope * p.slope * (1.0 - w);
     model.derivatives(p, j);
@@ -286,7 +283,7 @@ void judge_edge(const Problem& problem, const State& state, DotFit& fit) {
 double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor_px) {
   const double gap = options.gap_outer - 1.0;
   const double kept_off = std::max(0.3 * gap, 1.8 * blur_px / semi_minor_px);
-  return std::max(options.gap_outer - kept_off, 1.0 + std::min(0.6 * gap, 1.5 * blur_px / semi_minor_px));
+  return std::max(options.gap_outer - kept_off, 1.0 + std::min(0.6 * gap, blur_px / semi_minor_px));
 }
 
 /// Deeper inside than this, the pixels of large dots say nothing of the edge.
@@ -310,7 +307,7 @@ std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse
   const double saturated = options.saturated_level;
   const double rough = std::max(0.03 * contrast, 1.0);
   State state = start;
-  adjust({pixels, {rough, rough, 0.1}, radius_px, saturated, start}, kRoughlyConvergedPx, kMaxIterations, state);
+  adjust({pixels, {.outer = rough, .inner = rough}, radius_px, saturated, start}, kRoughlyConvergedPx, kMaxIterations, state);
   const double rough_contrast = std::abs(state[kI] - state[kO]);
   if (rough_contrast < options.min_contrast ||
       rms_residual(pixels, Model(state, radius_px, saturated), saturated) > kHopeless * rough_contrast) {

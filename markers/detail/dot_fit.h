@@ -33,12 +33,12 @@ struct DotFit {
 inline constexpr int kHarmonicDof = 6;  ///< cosines and sines of the harmonics 3, 4, 5
 
 /// Model: with e = p - c, rho = sqrt(e^T A e) and the distance d = (rho - 1) rho / |A e| from the edge along its normal,
-///     grey(p) = O(e) + (I(e) - O(e)) Phi(-d / blur),
-/// O and I linear in e, Phi the normal distribution function; values over the saturation level are cut off there. Parameters:
-/// c, A, blur, O, I (12). Pixels are weighted by their noise (dark and bright level and the roughness of the edge apart),
-/// occluded ones are down-weighted. The harmonics 3..5 of the edge are fitted at the end: an ellipse cannot follow them, so
-/// their power tells what the harmonic 1, the centre, suffers from all causes. Nothing where the ellipse leaves the image,
-/// collapses, or the adjustment does not converge.
+///     grey(p) = O(e) + (I(e) - O(e)) Phi(-(d + blur^2 k / 2) / blur),
+/// k the curvature of the ellipse (a blurred convex edge recedes), O and I linear in e, Phi the normal distribution function;
+/// values over the saturation level are cut off there. Parameters: c, A, blur, O, I (12). Pixels are weighted by their noise
+/// (dark and bright level and the roughness of the edge apart), occluded ones are down-weighted. The harmonics 3..5 of the edge
+/// are fitted at the end: an ellipse cannot follow them, so their power tells what the harmonic 1, the centre, suffers from all
+/// causes. Nothing where the ellipse leaves the image, collapses, or the adjustment does not converge.
 std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start, const DotFitOptions& options);
 
 }  // namespace crosstie::markers::detail

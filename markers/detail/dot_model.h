@@ -17,6 +17,7 @@ struct Prediction {
   double slope;   // d grey / d d, negative for bright dots; 0 where cut off
   double rho;
   double distance;
+  double set_back;  // of the blurred edge, by its curvature
   double x, y;      // relative to the origin of the fit
   double ex, ey;    // relative to the centre
   double nx, ny;    // outward normal
@@ -43,7 +44,10 @@ class DotModel {
     p.nx = gx / p.gradient;
     p.ny = gy / p.gradient;
     p.distance = (p.rho - 1.0) * p.rho / p.gradient;
-    const double t = p.distance / s_[kBlur];
+    // Blurred, an edge of this curvature passes through the middle level that much further inside.
+    const double curvature = (s_[kAxx] * p.ny * p.ny - 2.0 * s_[kAxy] * p.nx * p.ny + s_[kAyy] * p.nx * p.nx) / p.gradient;
+    p.set_back = 0.5 * s_[kBlur] * s_[kBlur] * curvature;
+    const double t = (p.distance + p.set_back) / s_[kBlur];
     const double outer = s_[kO] + (s_[kOx] * pixel.x + s_[kOy] * pixel.y) / radius_px_;
     const double inner = s_[kI] + (s_[kIx] * pixel.x + s_[kIy] * pixel.y) / radius_px_;
     const EdgeProfile profile = edge_profile(t);
@@ -76,7 +80,7 @@ class DotModel {
     j[kAxx] = by_rho * p.ex * p.ex / (2.0 * p.rho) + by_g * p.nx * p.ex;
     j[kAxy] = by_rho * p.ex * p.ey / p.rho + by_g * (p.nx * p.ey + p.ny * p.ex);
     j[kAyy] = by_rho * p.ey * p.ey / (2.0 * p.rho) + by_g * p.ny * p.ey;
-    j[kBlur] = -p.slope * p.distance / s_[kBlur];
+    j[kBlur] = -p.slope * (p.distance - p.set_back) / s_[kBlur];
     const double outside = 1.0 - p.inside;
     j[kO] = outside;
     j[kOx] = outside * p.x / radius_px_;

@@ -11,11 +11,11 @@ namespace {
 using base::ObservationStatus;
 
 // What a dot must be like. Measured on photographs (glare, carbon weave, print, JPEG) and on blurred renderings.
-constexpr double kMaxResidual = 0.14;     // RMS of the fit's residuals over the contrast
+constexpr double kMaxResidual = 0.12;     // RMS of the fit's residuals over the contrast
 constexpr double kMaxOutliers = 0.35;     // share of the edge that may be hidden
 constexpr double kMaxBlur = 0.6;          // over the semi-minor axis
-constexpr double kMaxDeviation = 0.05;    // amplitude of the harmonics 3..5 over the semi-minor axis,
-constexpr double kMaxDeviationPx = 0.10;  // in addition
+constexpr double kMaxDeviation = 0.03;    // amplitude of the harmonics 3..5 over the semi-minor axis,
+constexpr double kMaxDeviationPx = 0.08;  // in addition
 // What a ring must be like.
 constexpr double kMaxBrightGap = 0.10;    // of the gap's circumference
 constexpr double kMaxBrightQuiet = 0.25;  // of the quiet zone's circumference

@@ -57,7 +57,7 @@ TEST(Detect, ReadsBothPolaritiesAndBothDepths) {
       const Observation in16 = only(photograph(levels12, 96, 96, {16.0, 2}, 16, 4095.0), scene.family);
       EXPECT_EQ(in16.id, scene.family.codes[31].id) << family << dark;
       EXPECT_LT((in16.centre_px - scene.centre_px).norm(), 0.02);
-      EXPECT_NEAR(in16.semi_major_px, scene.radius_px, 0.1);
+      EXPECT_NEAR(in16.semi_major_px, scene.radius_px, 0.03);
     }
   }
 }
@@ -72,8 +72,8 @@ TEST(Detect, ReadsTiltedMarkersAndMeasuresTheirEllipse) {
       const Observation found = only(photograph(scene, {1.0, 3}), scene.family);
       EXPECT_EQ(found.id, scene.family.codes[100].id) << tilt_deg << " " << axis_rad;
       EXPECT_EQ(found.status, ObservationStatus::kCoded);
-      EXPECT_NEAR(found.semi_major_px, 10.0, 0.1);
-      EXPECT_NEAR(found.semi_minor_px, 10.0 * std::cos(scene.tilt_rad), 0.1);
+      EXPECT_NEAR(found.semi_major_px, 10.0, 0.03);
+      EXPECT_NEAR(found.semi_minor_px, 10.0 * std::cos(scene.tilt_rad), 0.03);
       EXPECT_NEAR(std::remainder(found.angle_rad - axis_rad, std::numbers::pi), 0.0, 0.03);
     }
   }

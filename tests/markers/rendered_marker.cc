@@ -11,7 +11,7 @@ namespace crosstie::tests {
 namespace {
 
 constexpr int kFine = 10;      // samples per pixel and axis
-constexpr int kMarginPx = 10;  // rendered around the image so that the blur sees what lies beyond
+constexpr int kMarginPx = 21;  // rendered around the image so that the blur, up to 4 px, sees what lies beyond
 
 /// Cover of a sample by the inside of a circle: `distance` from the edge in samples, positive inside.
 double cover(double distance) { return std::clamp(0.5 + distance, 0.0, 1.0); }
@@ -43,34 +43,33 @@ double tone(const MarkerScene& scene, const Eigen::Vector2d& p, double gradient)
   return scene.dark_on_bright ? 1.0 - value : value;
 }
 
-void blur_rows(std::vector<double>& samples, int width, int height, double sigma) {
-  const int half = static_cast<int>(std::ceil(5.0 * sigma));
-  if (half == 0) return;
-  std::vector<double> kernel;
+/// The Gaussian of the lens and the box of the pixel on the fine grid.
+std::vector<double> pixel_kernel(double blur_px) {
+  const int half = static_cast<int>(std::ceil(5.0 * blur_px * kFine));
+  std::vector<double> kernel(static_cast<std::size_t>(2 * half + kFine), 0.0);
   double sum = 0.0;
   for (int i = -half; i <= half; ++i) {
-    kernel.push_back(std::exp(-0.5 * i * i / (sigma * sigma)));
-    sum += kernel.back();
+    const double weight = half == 0 ? 1.0 : std::exp(-0.5 * i * i / std::pow(blur_px * kFine, 2));
+    for (int k = 0; k < kFine; ++k) kernel[static_cast<std::size_t>(i + half + k)] += weight;
+    sum += weight * kFine;
   }
-  std::vector<double> row(static_cast<std::size_t>(width));
-  for (int y = 0; y < height; ++y) {
-    double* line = samples.data() + static_cast<std::ptrdiff_t>(y) * width;
-    for (int x = 0; x < width; ++x) {
-      double value = 0.0;
-      for (int i = -half; i <= half; ++i)
-        value += kernel[static_cast<std::size_t>(i + half)] * line[std::clamp(x + i, 0, width - 1)];
-      row[static_cast<std::size_t>(x)] = value / sum;
-    }
-    std::copy(row.begin(), row.end(), line);
-  }
+  for (double& weight : kernel) weight /= sum;
+  return kernel;
 }
 
-std::vector<double> transposed(const std::vector<double>& samples, int width, int height) {
-  std::vector<double> result(samples.size());
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      result[static_cast<std::size_t>(x) * static_cast<std::size_t>(height) + static_cast<std::size_t>(y)] =
-          samples[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+/// One pixel out of kFine samples along the rows, written as columns: twice this makes the image.
+std::vector<double> reduced_rows(const std::vector<double>& samples, int rows, int width_px,
+                                 const std::vector<double>& kernel) {
+  const int stride = (width_px + 2 * kMarginPx) * kFine;
+  const int reach = (static_cast<int>(kernel.size()) - kFine) / 2;
+  std::vector<double> result(static_cast<std::size_t>(rows) * static_cast<std::size_t>(width_px));
+  for (int y = 0; y < rows; ++y) {
+    const double* line = samples.data() + static_cast<std::ptrdiff_t>(y) * stride;
+    for (int x = 0; x < width_px; ++x) {
+      const double* first = line + (x + kMarginPx) * kFine - reach;
+      double value = 0.0;
+      for (std::size_t i = 0; i < kernel.size(); ++i) value += kernel[i] * first[i];
+      result[static_cast<std::size_t>(x) * static_cast<std::size_t>(rows) + static_cast<std::size_t>(y)] = value;
     }
   }
   return result;
@@ -103,25 +102,9 @@ std::vector<double> rendered(const MarkerScene& scene) {
       samples[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] = level * light;
     }
   }
-  blur_rows(samples, width, height, scene.blur_px * kFine);
-  samples = transposed(samples, width, height);
-  blur_rows(samples, height, width, scene.blur_px * kFine);
-  samples = transposed(samples, height, width);
-
-  std::vector<double> levels;
-  for (int y = 0; y < scene.height_px; ++y) {
-    for (int x = 0; x < scene.width_px; ++x) {
-      double sum = 0.0;
-      for (int i = 0; i < kFine; ++i) {
-        for (int j = 0; j < kFine; ++j) {
-          sum += samples[static_cast<std::size_t>((y + kMarginPx) * kFine + i) * static_cast<std::size_t>(width) +
-                         static_cast<std::size_t>((x + kMarginPx) * kFine + j)];
-        }
-      }
-      levels.push_back(sum / (kFine * kFine));
-    }
-  }
-  return levels;
+  const std::vector<double> kernel = pixel_kernel(scene.blur_px);
+  const std::vector<double> columns = reduced_rows(samples, height, scene.width_px, kernel);
+  return reduced_rows(columns, scene.width_px, scene.height_px, kernel);
 }
 
 base::Image photograph(const std::vector<double>& levels, int width_px, int height_px, const Noise& noise, int bits,
