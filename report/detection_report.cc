@@ -121,7 +121,7 @@ std::string visibility(const std::vector<ImageObservations>& images) {
   constexpr double kLeft_px = 44.0;
   constexpr double kTop_px = 110.0;
   constexpr double kRow_px = 11.0;
-  const double column_px = std::clamp(1000.0 / static_cast<double>(images.size()), 7.0, 22.0);
+  const double column_px = std::clamp(1000.0 / static_cast<double>(images.size()), 7.0, 34.0);
   detail::Svg svg(kLeft_px + column_px * static_cast<double>(images.size()) + 60.0,
                   kTop_px + kRow_px * static_cast<double>(seen.size()) + 8.0, "Which id was seen in which image",
                   fmt::format("{} ids in {} images", seen.size(), images.size()));

@@ -32,6 +32,17 @@ bool any_covariance(const Partners& partners) {
   return std::find(partners.has_covariance.begin(), partners.has_covariance.end(), true) != partners.has_covariance.end();
 }
 
+/// In a free network whose datum is spread over the fitted points, the frame is defined by these very points: its parameters
+/// then have no variance, and what is computed for them is rounding, recognised against the variance of independent points.
+void drop_rounding(Eigen::Matrix<double, 7, 7>& cov, const Eigen::Matrix<double, 7, 7>& independent) {
+  constexpr double kRounding = 1e-8;  // of a variance
+  for (Eigen::Index i = 0; i < 7; ++i) {
+    if (cov(i, i) > kRounding * independent(i, i)) continue;
+    cov.row(i).setZero();
+    cov.col(i).setZero();
+  }
+}
+
 /// The fit, with its covariance from the sigmas of both sides, or from the scatter where there are none.
 struct Fitted {
   FittedFrame frame;
@@ -51,6 +62,9 @@ Result<Fitted> fit_frame(const Partners& partners, int parameters, const Compare
     fitted.frame.weighted = alignment.weighted;
   }
   fitted.predicted = detail::predict(partners, fitted.frame, options.measured_cov_mm2);
+  if (options.measured_cov_mm2.size() > 0) {
+    drop_rounding(fitted.predicted.parameter_cov, detail::predict(partners, fitted.frame, {}).parameter_cov);
+  }
   if (!any_covariance(partners)) fitted.predicted.parameter_cov = alignment.covariance;
   return fitted;
 }

@@ -55,6 +55,8 @@ struct CompareOptions {
 /// the projection by which the fit takes its 6 or 7 degrees of freedom out of the deviations; `normalised_rms` is the root
 /// mean square of deviation over predicted sigma per coordinate and has the expectation 1 where all sigmas are true.
 /// Where neither side gives a sigma, `sigma_mm` is 0, and the covariance of the pose comes from the scatter of the deviations.
+/// A full covariance in a free datum over the very points that are fitted has no variance of the frame: `pose_cov` is then
+/// that of the reference alone, and zero where the reference is exact.
 /// For kRigid the scale of a similarity fit is stated beside it as a check, with its sigma. The points of the reference count
 /// as independent of each other.
 ///

@@ -18,6 +18,12 @@ double relative_sigma_of_sigma0(const AdjustedNetwork& network) {
   return network.redundancy > 0 ? 1.0 / std::sqrt(2.0 * network.redundancy) : 0.0;
 }
 
+/// The adjustment says so where it took the sigmas from the residuals themselves.
+bool sigmas_were_adapted(const AdjustedNetwork& network) {
+  return std::any_of(network.warnings.begin(), network.warnings.end(),
+                     [](const base::Warning& warning) { return warning.code == "sigma_estimated"; });
+}
+
 KeyFigure coordinate_sigmas(const AdjustedNetwork& network) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const base::AdjustedPoint& point : network.points) sum += point.cov_mm2.diagonal();
@@ -45,6 +51,10 @@ KeyFigure weakest_point(const AdjustedNetwork& network) {
 std::string chi_square_sentence(const AdjustedNetwork& network) {
   if (network.redundancy <= 0) return "There is no redundancy: nothing tests the observations.";
   const double statistic = network.redundancy * network.sigma0 * network.sigma0;
+  if (sigmas_were_adapted(network)) {
+    return "The a priori sigmas were adapted to the residuals of this network (see the warnings): sigma0 is 1 by that, and its "
+           "chi-square test says nothing.";
+  }
   std::string text = fmt::format(
       "Chi-square test of sigma0: v'Pv = {} with {} degrees of freedom, expected {} \u00b1 {}; probability of a value at least "
       "this far "
@@ -83,7 +93,9 @@ std::vector<KeyFigure> bundle_key_figures(const AdjustedNetwork& network) {
   const double relative = relative_sigma_of_sigma0(network);
   figures.push_back(
       {"sigma0, a posteriori over a priori", with_sigma(network.sigma0, network.sigma0 * relative, ""),
-       fmt::format("{}; expected 1, p = {}", expanded(network.sigma0 * relative, ""), significant(network.chi2_p, 2)),
+       sigmas_were_adapted(network)
+           ? "1 by adapting the a priori sigmas to the residuals"
+           : fmt::format("{}; expected 1, p = {}", expanded(network.sigma0 * relative, ""), significant(network.chi2_p, 2)),
        network.redundancy > 0 && network.chi2_p < 0.05 ? "warning" : ""});
   figures.push_back(
       {"Image coordinate of unit weight", with_sigma(network.sigma0_px, network.sigma0_px * relative, "px"),

@@ -96,8 +96,7 @@ std::string histogram(std::span<const double> values, std::string_view title, st
     plot.legend(css, curves[i].name);
   }
   if (beyond > 0) {
-    plot.svg().text(plot.right() - 6.0, plot.top() + 16.0, fmt::format("{} beyond the axis, in the outermost bars", beyond),
-                    "end", "tick");
+    plot.svg().text(plot.right(), 17.0, fmt::format("{} beyond the axis, in the outermost bars", beyond), "end", "tick");
   }
   return plot.str();
 }

@@ -64,8 +64,9 @@ std::string banner(const std::vector<Verdict>& verdicts, std::size_t warnings) {
   if (!judged) {
     reasons += "<li>No limit was set for this result, so it is not judged. The figures below stand for themselves.</li>\n";
   } else if (worst == VerdictLevel::kOk) {
-    reasons += fmt::format("<li>{} of {} checks are inside their limits by more than their uncertainty U (k = 2).</li>\n",
-                           verdicts.size(), verdicts.size());
+    reasons += fmt::format("<li>{} inside {} by more than the uncertainty U (k = 2).</li>\n",
+                           verdicts.size() == 1 ? "The check is" : fmt::format("All {} checks are", verdicts.size()),
+                           verdicts.size() == 1 ? "its limit" : "their limits");
   }
   if (warnings > 0) {
     reasons += fmt::format("<li><a href=\"#warnings\">{} warning{}</a> to read.</li>\n", warnings, warnings == 1 ? "" : "s");

@@ -71,7 +71,8 @@ void add_statistics(HtmlTable& table, const std::string& what, const Verificatio
   static constexpr std::array<const char*, 4> kNames = {"x", "y", "z", "3D"};
   for (std::size_t axis = 0; axis < 4; ++axis) {
     const Statistics s = statistics(values[axis]);
-    const int decimals = decimals_for_sigma(s.rms / 10.0);  // three digits of the rms
+    const bool narrow = s.deviation > 0.0 && s.deviation < s.rms;
+    const int decimals = decimals_for_sigma((narrow ? s.deviation : s.rms) / 10.0);  // three digits of the smaller
     const auto cell = [&](double value) { return number_cell(fixed(value, decimals), value); };
     table.add_row({text_cell(fmt::format("{}, {}", what, kNames[axis])),
                    number_cell(std::to_string(values[axis].size()), static_cast<double>(values[axis].size())), cell(s.mean),

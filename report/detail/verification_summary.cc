@@ -115,20 +115,22 @@ std::string verification_fit_section(const Verification& verification) {
   const base::Pose& pose = verification.reference_from_measured;
   const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
   const Eigen::Vector3d euler = euler_xyz(rotation) * kDegrees;
-  const bool known = !verification.pose_cov.isZero(0.0) && verification.pose_cov.allFinite();
+  const auto sigma = [&](int i) { return std::sqrt(std::max(0.0, verification.pose_cov(i, i))); };
   std::vector<std::pair<std::string, std::string>> entries;
   for (int axis = 0; axis < 3; ++axis) {
-    entries.emplace_back(
-        fmt::format("Translation {}", "xyz"[axis]),
-        with_sigma(pose.translation_mm(axis), known ? std::sqrt(verification.pose_cov(3 + axis, 3 + axis)) : 0.0, "mm"));
+    entries.emplace_back(fmt::format("Translation {}", "xyz"[axis]),
+                         with_sigma(pose.translation_mm(axis), sigma(3 + axis), "mm"));
   }
   for (int axis = 0; axis < 3; ++axis) {
     entries.emplace_back(fmt::format("Rotation about {}", "xyz"[axis]), fixed(euler(axis), 6) + "\u00b0");
   }
-  for (int axis = 0; known && axis < 3; ++axis) {
-    const double sigma_urad = 1e6 * std::sqrt(verification.pose_cov(axis, axis));
-    entries.emplace_back(fmt::format("Sigma of the rotation about the reference's {}", "xyz"[axis]),
-                         fmt::format("{} \u00b5rad ({})", significant(sigma_urad, 2), expanded(sigma_urad, "\u00b5rad")));
+  bool all_known = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    all_known = all_known && sigma(axis) > 0.0 && sigma(3 + axis) > 0.0;
+    if (!(sigma(axis) > 0.0)) continue;
+    entries.emplace_back(
+        fmt::format("Sigma of rotation about {}", "xyz"[axis]),
+        fmt::format("{} \u00b5rad ({})", significant(1e6 * sigma(axis), 2), expanded(1e6 * sigma(axis), "\u00b5rad")));
   }
   entries.emplace_back("Quaternion w x y z",
                        fmt::format("{} {} {} {}", fixed(pose.rotation.w(), 9), fixed(pose.rotation.x(), 9),
@@ -142,7 +144,14 @@ std::string verification_fit_section(const Verification& verification) {
     matrix += fmt::format("{:>14} {:>14} {:>14} {:>16}\n", fixed(full(row, 0), 9), fixed(full(row, 1), 9),
                           fixed(full(row, 2), 9), fixed(full(row, 3), 6));
   }
-  return paragraph(fit_sentence(verification)) + definition_list(entries) +
+  const std::string no_sigma =
+      all_known || verification.fit == "none"
+          ? ""
+          : paragraph(
+                "No uncertainty of the frame is stated where none is shown: either no sigma was given, or the measurement is a "
+                "free network whose frame these very points define.",
+                "muted");
+  return paragraph(fit_sentence(verification)) + definition_list(entries) + no_sigma +
          paragraph(
              "Rotations are about the fixed axes x, then y, then z (R = Rz Ry Rx). reference_from_measured, translation in mm:",
              "muted") +

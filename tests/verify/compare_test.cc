@@ -116,6 +116,30 @@ TEST(Compare, PermissibleErrorGrowsWithLength) {
   for (const auto& length : result->lengths) EXPECT_DOUBLE_EQ(length.mpe_mm, 0.02 + length.nominal_mm / 50000.0);
 }
 
+TEST(Compare, AFreeDatumHasNoUncertaintyOfItsOwnFrame) {
+  // Independent errors, then the datum spread over all points by inner constraints: P S P with P = I - G (G'G)^-1 G'.
+  constexpr int kCount = 10;
+  const PointList points = random_points(kCount, 9);
+  Eigen::MatrixXd g(3 * kCount, 6);
+  for (int i = 0; i < kCount; ++i) {
+    g.middleRows<3>(3 * i) << -base::skew(points.points[static_cast<std::size_t>(i)].xyz_mm), Eigen::Matrix3d::Identity();
+  }
+  const Eigen::MatrixXd p =
+      Eigen::MatrixXd::Identity(3 * kCount, 3 * kCount) - g * (g.transpose() * g).inverse() * g.transpose();
+  CompareOptions options;
+  options.measured_cov_mm2 = 1e-4 * p * p.transpose();
+  const auto result = compare(points, moved(points, some_pose()), options);
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_TRUE(result->pose_cov.isZero(0.0)) << result->pose_cov;
+  // The fit takes nothing more away from what the datum has already taken.
+  const Eigen::Matrix3d turn = some_pose().rotation.toRotationMatrix();
+  for (int i = 0; i < kCount; ++i) {
+    const Eigen::Matrix3d expected = turn * options.measured_cov_mm2.block<3, 3>(3 * i, 3 * i) * turn.transpose();
+    EXPECT_TRUE(result->points[static_cast<std::size_t>(i)].sigma_mm.isApprox(expected.diagonal().cwiseSqrt(), 1e-6));
+  }
+  EXPECT_GT(result->scale_sigma_ppm, 0.0);
+}
+
 TEST(Compare, RefusesOptionsOutOfTheirDomain) {
   const PointList points = random_points(5, 8);
   EXPECT_EQ(compare(points, points, {.mpe = {-1.0, 1.0}}).error().code, ErrorCode::kUsage);

@@ -207,22 +207,34 @@ export class View {
     return 0.12 * this.radius;
   }
 
-  /** Looks at the points from the side that the report names, far enough for the cameras to be seen too. */
+  /** Looks at the points from the side that the report names, as near as all of points and cameras can be seen. */
   private reset(): void {
     const towards = new Vector3(...(this.scene.towards as Triple)).normalize();
-    // The points matter, the cameras should be seen too: half way between the middle of the points and that of the cameras.
-    const middle = this.centre.clone();
-    const places = this.scene.cameras.map((camera) => new Vector3(...camera.centre));
-    for (const place of places) middle.addScaledVector(place.clone().sub(this.centre), 0.45 / places.length);
-    let reach = middle.distanceTo(this.centre) + 0.8 * this.radius;
-    for (const place of places) reach = Math.max(reach, middle.distanceTo(place));
-    const aspect = Math.min(1, this.stage.clientWidth / Math.max(1, this.stage.clientHeight));
-    const distance = (0.85 * reach) / Math.sin((this.camera.fov / 2) * (Math.PI / 180)) / Math.max(0.3, aspect);
     this.camera.up.set(...(this.scene.up as Triple)).normalize();
     const aside = new Vector3().crossVectors(this.camera.up, towards).normalize();
-    const from = towards.clone().multiplyScalar(-1).addScaledVector(aside, 0.9).addScaledVector(this.camera.up, 0.35).normalize();
-    this.controls.target.copy(middle);
-    this.camera.position.copy(middle).addScaledVector(from, distance);
+    const slant = this.scene.cameras.length > 0 ? 0.9 : 0.35;
+    const from = towards.clone().multiplyScalar(-1).addScaledVector(aside, slant).addScaledVector(this.camera.up, 0.35).normalize();
+    const right = new Vector3().crossVectors(this.camera.up, from).normalize();
+    const above = new Vector3().crossVectors(from, right);
+
+    const places = [...this.scene.points.map((point) => point.p), ...this.scene.cameras.map((camera) => camera.centre)];
+    const seen = places.map((place) => new Vector3(...place)).map((p) => new Vector3(p.dot(right), p.dot(above), p.dot(from)));
+    const low = seen.reduce((a, b) => a.clone().min(b));
+    const high = seen.reduce((a, b) => a.clone().max(b));
+    const middle = low.clone().add(high).multiplyScalar(0.5);
+    const tanY = 0.86 * Math.tan((this.camera.fov / 2) * (Math.PI / 180));
+    const tanX = (tanY * this.stage.clientWidth) / Math.max(1, this.stage.clientHeight);
+    let distance = 1;
+    for (const p of seen) {
+      const at = p.clone().sub(middle);
+      distance = Math.max(distance, Math.abs(at.x) / tanX + at.z, Math.abs(at.y) / tanY + at.z);
+    }
+    const target = new Vector3()
+      .addScaledVector(right, middle.x)
+      .addScaledVector(above, middle.y)
+      .addScaledVector(from, middle.z);
+    this.controls.target.copy(target);
+    this.camera.position.copy(target).addScaledVector(from, distance);
     this.camera.near = distance / 1000;
     this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
