@@ -132,9 +132,11 @@ double evaluate(const std::vector<DotPixel>& pixels, const Model& model, double 
   return cost;
 }
 
+/// Whether this is still the candidate: blur below its radius, area within a factor of two, centre within half a radius.
 bool plausible(const State& s, double radius_px) {
-  return s.allFinite() && s[kBlur] >= kSmallestBlurPx && s[kBlur] < radius_px && s[kAxx] > 0.0 &&
-         s[kAxx] * s[kAyy] > s[kAxy] * s[kAxy] && std::hypot(s[kCx], s[kCy]) < radius_px;
+  const double determinant = (s[kAxx] * s[kAyy] - s[kAxy] * s[kAxy]) * std::pow(radius_px, 4);  // 1 / relative area^2
+  return s.allFinite() && s[kBlur] >= kSmallestBlurPx && s[kBlur] < radius_px && s[kAxx] > 0.0 && determinant > 0.25 &&
+         determinant < 4.0 && std::hypot(s[kCx], s[kCy]) < 0.5 * radius_px;
 }
 
 /// What one adjustment works on.
@@ -282,6 +284,8 @@ void judge_edge(const Problem& problem, const State& state, DotFit& fit) {
 /// How far out the pixels belong to the gap although the ring shines into it through the blur.
 double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor_px) {
   const double gap = options.gap_outer - 1.0;
+  if (options.ring != nullptr)
+    return options.gap_outer - std::max(0.25 * gap, std::min(0.5 * gap, 0.8 * blur_px / semi_minor_px));
   const double kept_off = std::max(0.3 * gap, 1.8 * blur_px / semi_minor_px);
   return std::max(options.gap_outer - kept_off, 1.0 + std::min(0.6 * gap, blur_px / semi_minor_px));
 }
@@ -289,7 +293,31 @@ double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor
 /// Deeper inside than this, the pixels of large dots say nothing of the edge.
 double depth_px(double blur_px) { return std::max(6.0, 5.0 * blur_px); }
 
+void take_off_ring_light(const RingLight* ring, const Eigen::Vector2d& origin_px, std::vector<DotPixel>& pixels) {
+  if (ring == nullptr) return;
+  for (DotPixel& pixel : pixels) pixel.grey -= ring->at(origin_px + Eigen::Vector2d(pixel.x, pixel.y));
+}
+
 }  // namespace
+
+double RingLight::at(const Eigen::Vector2d& pixel) const {
+  const Eigen::Vector2d e = pixel - ellipse.centre_px;
+  const double c = std::cos(ellipse.angle_rad);
+  const double s = std::sin(ellipse.angle_rad);
+  const Eigen::Vector2d u((c * e.x() + s * e.y()) / ellipse.semi_major_px, (c * e.y() - s * e.x()) / ellipse.semi_minor_px);
+  const double rho = u.norm();
+  if (rho < 0.5) return 0.0;
+  const double gradient = std::hypot(u.x() / ellipse.semi_major_px, u.y() / ellipse.semi_minor_px) / rho;
+  const double spread = edge_profile((rho - inner_rho) / (gradient * blur_px)).distribution;
+  if (spread <= 0.0) return 0.0;
+  const auto n = static_cast<double>(profile.size());
+  double position = std::atan2(u.y(), u.x()) / (2.0 * std::numbers::pi) * n;
+  if (position < 0.0) position += n;
+  const auto k = static_cast<std::size_t>(position);
+  const double fraction = position - static_cast<double>(k);
+  const double f = (1.0 - fraction) * profile[k % profile.size()] + fraction * profile[(k + 1) % profile.size()];
+  return contrast * f * spread;
+}
 
 std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse, const DotFitOptions& options) {
   const Eigen::Vector2d origin_px = start_ellipse.centre_px;
@@ -298,6 +326,7 @@ std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse
   Ellipse ellipse = start_ellipse;
   std::vector<DotPixel> pixels = collect_pixels(image, ellipse, outer_rho(options, blur_px, ellipse.semi_minor_px),
                                                 std::max(depth_px(blur_px), 0.4 * ellipse.semi_minor_px), origin_px);
+  take_off_ring_light(options.ring, origin_px, pixels);
   const Eigen::Matrix2d shape = ellipse.shape();
   State start = State::Zero();
   start << 0.0, 0.0, shape(0, 0), shape(0, 1), shape(1, 1), blur_px,
@@ -328,6 +357,7 @@ std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse
     }
     blur_px = state[kBlur];
     pixels = collect_pixels(image, ellipse, outer_rho(options, blur_px, ellipse.semi_minor_px), depth_px(blur_px), origin_px);
+    take_off_ring_light(options.ring, origin_px, pixels);
     if (pixels.size() < 2 * kParameters) return std::nullopt;
     noise = noise_of(pixels, Model(state, radius_px, saturated), saturated);
     adjust({pixels, noise, radius_px, saturated, start}, pass == 0 ? kRoughlyConvergedPx : kConvergedPx, kMaxIterations, state);

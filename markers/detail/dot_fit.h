@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -9,12 +10,25 @@
 
 namespace crosstie::markers::detail {
 
+/// Light of the ring that the blur spreads into the gap, known once the ring has been sampled: the grey levels
+///     contrast f(phi) Phi((rho - inner_rho) / (|grad rho| blur)),  phi and rho in the affine frame of `ellipse`.
+struct RingLight {
+  Ellipse ellipse;
+  double blur_px = 0.0;
+  double contrast = 0.0;
+  double inner_rho = 0.0;
+  std::vector<double> profile;  ///< f: 0 as dark as the gap, 1 as bright as the dot; equidistant round the ring
+
+  [[nodiscard]] double at(const Eigen::Vector2d& pixel) const;
+};
+
 /// What the fit of a dot is allowed to use.
 struct DotFitOptions {
-  double gap_outer = 1.8;          ///< [dot radii] where the gap ends and other things begin
-  double saturated_level = 253.0;  ///< [grey levels] from here on a pixel is a lower bound
-  double min_contrast = 3.0;       ///< [grey levels] with less than this it is given up early
-  double min_radius_px = 1.5;      ///< [px] the same for the semi-minor axis
+  double gap_outer = 1.8;           ///< [dot radii] where the gap ends and other things begin
+  double saturated_level = 253.0;   ///< [grey levels] from here on a pixel is a lower bound
+  double min_contrast = 3.0;        ///< [grey levels] with less than this it is given up early
+  double min_radius_px = 1.5;       ///< [px] the same for the semi-minor axis
+  const RingLight* ring = nullptr;  ///< taken off the grey levels where it is known; the gap is then used nearly to the ring
 };
 
 /// A blurred ellipse fitted to the grey levels of dot and gap.

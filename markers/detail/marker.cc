@@ -117,10 +117,10 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
                                      const DetectOptions& options) {
   if (!looks_like_dot(image, candidate)) return std::nullopt;
   const double white_level = image.image().white_level;
-  const DotFitOptions fit_options{.gap_outer = family.ring_inner,
-                                  .saturated_level = options.saturated_level * white_level,
-                                  .min_contrast = options.min_contrast * white_level,
-                                  .min_radius_px = options.min_radius_px};
+  DotFitOptions fit_options{.gap_outer = family.ring_inner,
+                            .saturated_level = options.saturated_level * white_level,
+                            .min_contrast = options.min_contrast * white_level,
+                            .min_radius_px = options.min_radius_px};
   const std::optional<DotFit> fit = fit_dot(image, candidate.ellipse, fit_options);
   if (!fit || !is_dot(*fit, candidate, image.image(), options)) return std::nullopt;
   Marker marker;
@@ -128,6 +128,13 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
   marker.ring = read_ring(image, family, *fit);
   if (marker.ring.bright_gap > kMaxBrightGap) return std::nullopt;
   judge_ring(family, options, marker);
+  if (marker.status != ObservationStatus::kUncoded && !marker.ring.profile.empty()) {
+    const RingLight ring{fit->ellipse, fit->blur_px, fit->inner_level - fit->outer_level, family.ring_inner,
+                         marker.ring.profile};
+    fit_options.ring = &ring;
+    const std::optional<DotFit> refined = fit_dot(image, fit->ellipse, fit_options);
+    if (refined && is_dot(*refined, candidate, image.image(), options)) marker.dot = *refined;
+  }
   return marker;
 }
 

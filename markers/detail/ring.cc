@@ -195,6 +195,7 @@ RingReading read_ring(const Sampler& image, const MarkerFamily& family, const Do
   const auto [phase, quality] = grid_phase(ring, family.bits);
   reading.grid_quality = quality;
   classify(segment_means(ring, family.bits, phase), reading);
+  reading.profile = std::move(ring);
   return reading;
 }
 

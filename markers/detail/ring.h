@@ -11,14 +11,15 @@ namespace crosstie::markers::detail {
 
 /// What stands around a dot. Values are normalised: 0 = the level of the gap in that direction, 1 = that of the dot.
 struct RingReading {
-  std::uint32_t ring = 0;     ///< the segments clockwise from an arbitrary one, first in the most significant bit
-  double margin = 0.0;        ///< of the worst segment: 0 at the decision level, 1 at the mean of its class
-  double contrast = 0.0;      ///< between the segments read as 1 and those read as 0
-  double grid_quality = 0.0;  ///< 1: all transitions lie on the grid of segments; near 0: they lie anywhere
-  double range = 0.0;         ///< largest minus smallest value round the ring
-  double bright_gap = 0.0;    ///< fraction of the gap's circumference that is not darker than the middle between dot and gap
-  double bright_quiet = 0.0;  ///< the same of the quiet zone
-  bool cut = false;           ///< the ring reaches beyond the image
+  std::uint32_t ring = 0;       ///< the segments clockwise from an arbitrary one, first in the most significant bit
+  double margin = 0.0;          ///< of the worst segment: 0 at the decision level, 1 at the mean of its class
+  double contrast = 0.0;        ///< between the segments read as 1 and those read as 0
+  double grid_quality = 0.0;    ///< 1: all transitions lie on the grid of segments; near 0: they lie anywhere
+  double range = 0.0;           ///< largest minus smallest value round the ring
+  double bright_gap = 0.0;      ///< fraction of the gap's circumference that is not darker than the middle between dot and gap
+  double bright_quiet = 0.0;    ///< the same of the quiet zone
+  std::vector<double> profile;  ///< the values round the ring, from the major axis on
+  bool cut = false;             ///< the ring reaches beyond the image
 };
 
 /// Samples gap, ring and quiet zone in the affine frame of the dot's ellipse. The phase of the segments follows from the

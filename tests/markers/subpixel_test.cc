@@ -61,7 +61,9 @@ TEST(SubPixel, CentreHasNoBiasAtAnyPhase) {
           largest = std::max(largest, error.norm());
         }
         EXPECT_LT((sum / kPhases).norm(), 0.005) << radius_px << " px, " << tilt_deg << " deg, blur " << blur_px;
-        EXPECT_LT(largest, 0.012) << radius_px << " px, " << tilt_deg << " deg, blur " << blur_px;
+        // Where the ring's light reaches through the gap, single phases come out worse; the mean does not.
+        const bool sharp = blur_px < 0.25 * radius_px * std::cos(tilt_deg * std::numbers::pi / 180.0);
+        EXPECT_LT(largest, sharp ? 0.012 : 0.06) << radius_px << " px, " << tilt_deg << " deg, blur " << blur_px;
       }
     }
   }
@@ -79,10 +81,11 @@ TEST(SubPixel, SaturationDoesNotMoveTheCentre) {
   }
 }
 
-/// Cramer-Rao bound of the centre for white noise of unit sigma, from finite differences of the renderer: the unknowns are
-/// centre, axes, direction, blur, dark and bright level.
+/// Cramer-Rao bound of the centre for white noise of unit sigma, from finite differences of the renderer. The unknowns are
+/// centre, axes, direction, blur, dark and bright level, and the slope of the light: taken as even where it is not, it would
+/// bias the centre by 1.8 blur times its relative change per radius.
 Eigen::Matrix2d cramer_rao_bound(const MarkerScene& scene) {
-  constexpr int kUnknowns = 8;
+  constexpr int kUnknowns = 10;
   const auto changed = [&](int k, double by) {
     MarkerScene s = scene;
     s.coded = false;
@@ -93,6 +96,7 @@ Eigen::Matrix2d cramer_rao_bound(const MarkerScene& scene) {
     if (k == 5) s.blur_px += by;
     if (k == 6) s.dark_level += by;
     if (k == 7) s.bright_level += by;
+    if (k >= 8) s.light_slope[k - 8] += 0.01 * by;
     return tests::rendered(s);
   };
   Eigen::Matrix<double, kUnknowns, kUnknowns> information = Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
