@@ -5,11 +5,15 @@ for (const table of document.querySelectorAll('table')) {
   if (!body || body.rows.length < 2) continue;
   const heads = Array.from(table.tHead.rows[0].cells);
   heads.forEach((head, column) => {
-    const label = head.querySelector('span');
-    const button = document.createElement('button');
-    button.type = 'button';
-    button.textContent = label.textContent;
-    label.replaceChildren(button);
+    // Not a button element: browsers do not print those in the repeated heads of long tables.
+    const button = head.querySelector('span');
+    button.setAttribute('role', 'button');
+    button.tabIndex = 0;
+    button.addEventListener('keydown', (event) => {
+      if (event.key !== 'Enter' && event.key !== ' ') return;
+      event.preventDefault();
+      button.click();
+    });
     head.setAttribute('aria-sort', 'none');
     button.addEventListener('click', () => {
       const descending = head.getAttribute('aria-sort') === 'ascending';

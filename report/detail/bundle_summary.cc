@@ -170,7 +170,7 @@ std::string bundle_scale_section(const AdjustedNetwork& network) {
                    number_cell(fixed(bar.sigma_mm, decimals), bar.sigma_mm),
                    number_cell(fixed(2.0 * bar.sigma_mm, decimals), 2.0 * bar.sigma_mm),
                    number_cell(fixed(deviation, decimals), deviation),
-                   number_cell(significant(known > 0.0 ? 1e6 * deviation / known : 0.0, 3), deviation / known),
+                   number_cell(fixed(known > 0.0 ? 1e6 * deviation / known : 0.0, 1), deviation / known),
                    number_cell(fixed(bar.w, 2), bar.w, std::abs(bar.w) > 3.0 ? "warning" : ""),
                    text_cell(bar.bar.certificate)});
   }

@@ -66,18 +66,18 @@ std::vector<KeyFigure> verification_key_figures(const Verification& verification
   }
   const Eigen::Vector3d sigma = (variance / std::max(1.0, used)).cwiseSqrt();
   std::vector<KeyFigure> figures;
-  figures.push_back(
-      {"Deviation, rms x / y / z",
-       fmt::format("{} / {} / {} {}", significant(unit.per_mm * verification.rms_mm.x(), 3),
-                   significant(unit.per_mm * verification.rms_mm.y(), 3), significant(unit.per_mm * verification.rms_mm.z(), 3),
-                   unit.name),
-       sigma.isZero(0.0)
-           ? std::string("no sigma was given")
-           : fmt::format("predicted sigma {} / {} / {}, U (k = 2) {} / {} / {} {}", significant(unit.per_mm * sigma.x(), 2),
-                         significant(unit.per_mm * sigma.y(), 2), significant(unit.per_mm * sigma.z(), 2),
-                         significant(2.0 * unit.per_mm * sigma.x(), 2), significant(2.0 * unit.per_mm * sigma.y(), 2),
-                         significant(2.0 * unit.per_mm * sigma.z(), 2), unit.name),
-       ""});
+  figures.push_back({"Deviation, rms x / y / z",
+                     fmt::format("{} / {} / {} {}", significant(unit.per_mm * verification.rms_mm.x(), 3),
+                                 significant(unit.per_mm * verification.rms_mm.y(), 3),
+                                 significant(unit.per_mm * verification.rms_mm.z(), 3), unit.name),
+                     sigma.isZero(0.0)
+                         ? std::string("no sigma was given")
+                         : fmt::format("predicted sigma {} / {} / {}, U (k\u00a0=\u00a02) {} / {} / {} {}",
+                                       significant(unit.per_mm * sigma.x(), 2), significant(unit.per_mm * sigma.y(), 2),
+                                       significant(unit.per_mm * sigma.z(), 2), significant(2.0 * unit.per_mm * sigma.x(), 2),
+                                       significant(2.0 * unit.per_mm * sigma.y(), 2),
+                                       significant(2.0 * unit.per_mm * sigma.z(), 2), unit.name),
+                     ""});
   figures.push_back({"3D deviation, rms", shown(verification.rms3d_mm, unit_of(verification.rms3d_mm)),
                      fmt::format("{} points, {} in the fit", verification.points.size(), static_cast<int>(used)), ""});
   if (worst != nullptr) {
