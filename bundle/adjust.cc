@@ -31,7 +31,8 @@ using detail::Weights;
 
 constexpr double kAgreement = 10.0;        // robust sigmas within which a ray agrees with a place
 constexpr int kMaxRounds = 100;            // of data snooping
-constexpr double kSettled = 1e-7;          // relative change of the sigmas at which their estimation ends
+constexpr double kCoarse = 1e-2;           // sigmas of the whole network to which it is solved while outliers are told
+constexpr double kSettled = 1e-6;          // relative change of the sigmas at which their estimation ends
 constexpr double kLeastAngle_rad = 0.035;  // at which most rays must meet for a network to have depth: 2 degrees
 
 /// Which lens parameters are estimated, and what is known of them beforehand.
@@ -85,13 +86,13 @@ Result<Estimate> snoop(const Survey& survey, const AdjustOptions& options, Weigh
     progress("outliers", static_cast<std::size_t>(round), kMaxRounds);
     detail::prune(survey, options, state, reasons);
     plan.whitening = weights.whitening();
-    auto at = detail::estimate(survey, state, plan, {round == 0, options.max_iterations}, progress);
+    auto at = detail::estimate(survey, state, plan, {round == 0, options.max_iterations, kCoarse}, progress);
     if (!at) return at;
     const double change = weights.update(survey, *at, false);
     if (change > 1e-3 && round + 1 < kMaxRounds) {
       if (change > 0.02) continue;  // sigmas first, they decide what is an outlier
       plan.whitening = weights.whitening();
-      at = detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+      at = detail::estimate(survey, state, plan, {false, options.max_iterations, kCoarse}, progress);
       if (!at) return at;
     }
     if (!options.reject_outliers || detail::reject_largest(survey, options, *at, state) == 0) {
@@ -109,7 +110,7 @@ Result<Estimate> settle_weights(const Survey& survey, const AdjustOptions& optio
   constexpr int kMaxUpdates = 30;
   for (int update = 0;; ++update) {
     plan.whitening = weights.whitening();
-    auto at = detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+    auto at = detail::estimate(survey, state, plan, {false, options.max_iterations, kCoarse}, progress);
     if (!at || update == kMaxUpdates) return at;
     if (weights.update(survey, *at, false) < kSettled) {
       plan.whitening = weights.whitening();

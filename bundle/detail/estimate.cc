@@ -14,7 +14,6 @@ using base::fail;
 using base::Result;
 
 constexpr int kMaxSteps = 15;
-constexpr double kNoStep = 1e-9;  // |J dx| of the last step, in sigmas of the whole network: no coordinate moves any more
 
 /// |J dx|^2: how far a step moves the predictions, in sigmas.
 double moved_predictions(const math::WhitenedRows& rows, const math::Parameters& parameters, const Eigen::VectorXd& step) {
@@ -60,7 +59,9 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
                           const base::Progress& progress) {
   NetworkModel network = build_model(survey, state, plan);
   const math::Parameters parameters = network.model.parameters();
+  const std::vector<Block> start = network.model.blocks;
   bool minimise_now = options.minimise_first;
+  bool minimised = false;
   double last = std::numeric_limits<double>::infinity();
   for (int step_number = 0;; ++step_number) {
     if (progress.cancelled()) return base::cancelled("the adjustment");
@@ -70,16 +71,22 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
       if (!summary) return fail(std::move(summary));
       state.iterations += summary->iterations;
       minimise_now = false;
+      minimised = true;
     }
     math::WhitenedRows rows;
     if (!network.model.linearise(rows)) {
+      if (!minimised) {  // Gauss-Newton went astray: back, and the damped method first
+        network.model.blocks = start;
+        minimise_now = true;
+        continue;
+      }
       return fail(ErrorCode::kNoUniqueSolution, "the adjustment drives points behind the cameras; the network is too weak");
     }
     auto equations = math::NormalEquations::make(parameters, rows, null_space(network));
     if (!equations) return fail(std::move(equations));
     const Eigen::VectorXd step = equations->step();
     const double moved = std::sqrt(moved_predictions(rows, parameters, step));
-    if (moved < kNoStep || step_number >= kMaxSteps) {
+    if (moved < options.tolerance || step_number >= kMaxSteps) {
       if (moved > 1e-3) {
         return fail(ErrorCode::kNoUniqueSolution,
                     "the adjustment does not converge; the observations contradict each other or hardly determine the network");
@@ -94,11 +101,13 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
           std::move(network), std::move(rows), std::move(*equations), std::move(cofactors), square_sum, observations,
           unknowns,           redundancy};
     }
-    if (moved > 2.0 * last && step_number > 0) {
-      minimise_now = true;  // Gauss-Newton leaves the minimum: let the damped method find it
+    if (moved > 2.0 * last && !minimised) {
+      network.model.blocks = start;
+      minimise_now = true;
+    } else {
+      network.model.move(step);
     }
     last = moved;
-    if (!minimise_now) network.model.move(step);
     ++state.iterations;
   }
 }

@@ -108,7 +108,7 @@ class Growth {
     if (!(length > 0.0)) return false;
     state_.poses[static_cast<std::size_t>(pair.a)] = base::Pose{};
     state_.poses[static_cast<std::size_t>(pair.b)] = base::Pose{a_from_b.rotation, a_from_b.translation_mm * (1000.0 / length)};
-    triangulate_all();
+    triangulate(Which::kAll);
     return known_points() >= kLeastCommon && settle();
   }
 
@@ -126,8 +126,9 @@ class Growth {
         continue;
       }
       state_.poses[static_cast<std::size_t>(next)] = resection->network_from_camera;
-      triangulate_all();
+      triangulate(Which::kUnknown);
       if (oriented() >= settled_at + std::max(1, settled_at / 4)) {
+        triangulate(Which::kAll);
         if (!settle()) return false;
         settled_at = oriented();
         std::fill(failed.begin(), failed.end(), char{0});
@@ -136,7 +137,7 @@ class Growth {
     // With the lens known better: once more all points, and the images that failed.
     for (int round = 0; round < 2; ++round) {
       if (!settle()) return false;
-      triangulate_all();
+      triangulate(Which::kAll);
       bool more = false;
       for (std::size_t i = 0; i < survey_.images.size(); ++i) {
         if (state_.poses[i] && !disagrees(static_cast<int>(i))) continue;
@@ -145,7 +146,7 @@ class Growth {
         state_.poses[i] = resection->network_from_camera;
         more = true;
       }
-      if (more) triangulate_all();
+      if (more) triangulate(Which::kAll);
     }
     return settle();
   }
@@ -197,16 +198,19 @@ class Growth {
     return best;
   }
 
-  void triangulate_all() {
-    directions_ = ray_directions(survey_, state_);
+  enum class Which { kUnknown, kAll };
+
+  void triangulate(Which which) {
+    if (which == Which::kAll || directions_.empty()) directions_ = ray_directions(survey_, state_);
     for (std::size_t p = 0; p < survey_.ids.size(); ++p) {
+      if (which == Which::kUnknown && state_.points[p]) continue;
       std::vector<int> candidates;
       for (const int r : survey_.rays_of_point[p]) {
         const bool has_pose =
             state_.poses[static_cast<std::size_t>(survey_.rays[static_cast<std::size_t>(r)].image)].has_value();
         if (state_.active[static_cast<std::size_t>(r)] && has_pose) candidates.push_back(r);
       }
-      const auto found = triangulate(survey_, state_, directions_, candidates, tolerance_px_, kStartAngle_rad);
+      const auto found = detail::triangulate(survey_, state_, directions_, candidates, tolerance_px_, kStartAngle_rad);
       state_.points[p].reset();
       if (found && 2 * found->rays.size() >= candidates.size()) state_.points[p] = found->point;
     }

@@ -9,7 +9,7 @@
 namespace crosstie::bundle::detail {
 namespace {
 
-constexpr int kMaxPairs = 200;  // pairs of rays that are tried for one point
+constexpr int kMaxPairs = 60;  // pairs of rays that are tried for one point
 
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 

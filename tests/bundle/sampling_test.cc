@@ -20,8 +20,8 @@ double normalised_square(const Eigen::VectorXd& error, const Eigen::MatrixXd& co
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseSqrt();
   const Eigen::MatrixXd correlation = sigma.cwiseInverse().asDiagonal() * covariance * sigma.cwiseInverse().asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(correlation);
-  EXPECT_LT(std::abs(eigen.eigenvalues()(defect - 1)), 1e-11);
-  EXPECT_GT(eigen.eigenvalues()(defect), 1e-9);
+  EXPECT_LT(std::abs(eigen.eigenvalues()(defect - 1)), 1e-10);
+  EXPECT_GT(eigen.eigenvalues()(defect), 1e-8);
   const Eigen::VectorXd scaled = error.cwiseQuotient(sigma);
   double sum = 0.0;
   for (Eigen::Index i = defect; i < scaled.size(); ++i) {
@@ -105,7 +105,7 @@ TEST(Sampling, CovarianceOfASolidNetworkIsTrue) {
 }
 
 TEST(Sampling, CovarianceOfAPlaneWithTwoCamerasAndFreeScaleIsTrue) {
-  expect_true_covariance({.cameras = 2, .images = 12, .columns = 5, .rows = 4, .depth_mm = 0.0, .bars = false}, true);
+  expect_true_covariance({.cameras = 2, .images = 10, .columns = 5, .rows = 3, .depth_mm = 0.0, .bars = false}, true);
 }
 
 }  // namespace
