@@ -1,6 +1,8 @@
 #include "bundle/detail/estimate.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "bundle/detail/minimise.h"
@@ -87,7 +89,7 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
     const Eigen::VectorXd step = equations->step();
     const double moved = std::sqrt(moved_predictions(rows, parameters, step));
     if (moved < options.tolerance || step_number >= kMaxSteps) {
-      if (moved > 1e-3) {
+      if (moved > std::max(1e-3, options.tolerance)) {
         return fail(ErrorCode::kNoUniqueSolution,
                     "the adjustment does not converge; the observations contradict each other or hardly determine the network");
       }
