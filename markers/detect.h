@@ -24,8 +24,8 @@ struct DetectOptions {
 
   Polarity polarity = Polarity::kBoth;
 
-  /// [px] Smallest semi-minor axis of a dot. Default: below 2 px hardly a pixel lies inside of the blurred edge, so that contrast and
-  /// size are no longer told apart.
+  /// [px] Smallest semi-minor axis of a dot. Default: below 2 px hardly a pixel lies inside of the blurred edge, so that
+  /// contrast and size are no longer told apart.
   double min_radius_px = 2.0;
 
   /// [px] Largest radius (semi-major axis); 0: a quarter of the image's shorter side, beyond which no ring fits around the dot.
@@ -38,8 +38,8 @@ struct DetectOptions {
   /// kAmbiguous. Default: measured on photographs with glare, where the wrong readings lie below it.
   double min_margin = 0.25;
 
-  /// [-] Smallest contrast of a dot against its surroundings, as a fraction of the white level. Default: 4 of 255 grey levels; that
-  /// it also stands out of the noise is tested apart.
+  /// [-] Smallest contrast of a dot against its surroundings, as a fraction of the white level. Default: 4 of 255 grey levels;
+  /// that it also stands out of the noise is tested apart.
   double min_contrast = 0.015;
 
   /// [-] Grey levels at or above this fraction of the white level are saturated: their pixels only tell that the light was at

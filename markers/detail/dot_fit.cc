@@ -324,13 +324,15 @@ std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse
   const double radius_px = std::sqrt(start_ellipse.semi_major_px * start_ellipse.semi_minor_px);
   double blur_px = std::min(1.0, 0.3 * start_ellipse.semi_minor_px);
   Ellipse ellipse = start_ellipse;
-  std::vector<DotPixel> pixels = collect_pixels(image, ellipse, outer_rho(options, blur_px, ellipse.semi_minor_px),
-                                                std::max(depth_px(blur_px), 0.4 * ellipse.semi_minor_px), origin_px);
+  const double reach = outer_rho(options, blur_px, ellipse.semi_minor_px);
+  std::vector<DotPixel> pixels =
+      collect_pixels(image, ellipse, reach, std::max(depth_px(blur_px), 0.4 * ellipse.semi_minor_px), origin_px);
   take_off_ring_light(options.ring, origin_px, pixels);
   const Eigen::Matrix2d shape = ellipse.shape();
   State start = State::Zero();
   start << 0.0, 0.0, shape(0, 0), shape(0, 1), shape(1, 1), blur_px,
-      level_of(pixels, shape, 1.0 + 1.5 / ellipse.semi_minor_px, 9.0), 0.0, 0.0, level_of(pixels, shape, 0.0, 0.8), 0.0, 0.0;
+      level_of(pixels, shape, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0), 0.0, 0.0,
+      level_of(pixels, shape, 0.0, 0.8), 0.0, 0.0;
   const double contrast = std::abs(start[kI] - start[kO]);
   if (contrast < 0.5 * options.min_contrast) return std::nullopt;
   const double saturated = options.saturated_level;
