@@ -50,6 +50,12 @@ ordered_json effective_options(const DetectionTask& task) {
   return options;
 }
 
+std::size_t coded_count(const ImageObservations& image) {
+  return static_cast<std::size_t>(
+      std::count_if(image.observations.begin(), image.observations.end(),
+                    [](const auto& observation) { return observation.status == base::ObservationStatus::kCoded; }));
+}
+
 /// What is known of each image from an earlier result, by name.
 std::map<std::string, ImageObservations> reusable(const ordered_json& earlier, const fs::path& folder,
                                                   const std::vector<ImageFile>& images,
@@ -74,7 +80,7 @@ std::map<std::string, ImageObservations> reusable(const ordered_json& earlier, c
       image.height_px = json.at("height");
       image.saturated_fraction = json.at("saturated_fraction");
       image.dark_fraction = json.at("dark_fraction");
-      if (json.at("count") == image.observations.size()) found.emplace(images[i].name, std::move(image));
+      if (json.at("count") == coded_count(image)) found.emplace(images[i].name, std::move(image));
     }
   } catch (const ordered_json::exception&) {
     found.clear();  // an older or foreign layout: everything is looked at again
@@ -96,12 +102,6 @@ Result<ImageObservations> look_at(const ImageFile& file, const DetectionTask& ta
     return base::fail(std::move(written));
   }
   return observations;
-}
-
-std::size_t coded_count(const ImageObservations& image) {
-  return static_cast<std::size_t>(
-      std::count_if(image.observations.begin(), image.observations.end(),
-                    [](const auto& observation) { return observation.status == base::ObservationStatus::kCoded; }));
 }
 
 std::vector<base::Warning> warnings_of(const std::vector<ImageObservations>& images) {

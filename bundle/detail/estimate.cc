@@ -16,6 +16,7 @@ using base::fail;
 using base::Result;
 
 constexpr int kMaxSteps = 15;
+constexpr double kConverged = 1e-3;  // of a sigma: a last step of less is rounding, not a minimum that is still far off
 
 /// |J dx|^2: how far a step moves the predictions, in sigmas.
 double moved_predictions(const math::WhitenedRows& rows, const math::Parameters& parameters, const Eigen::VectorXd& step) {
