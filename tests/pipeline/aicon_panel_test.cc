@@ -1,5 +1,6 @@
 // Twenty real photographs of a panel with AICON 14-bit markers, against AICON's own coordinates of it.
 
+#include <cmath>
 #include <set>
 
 #include <gmock/gmock.h>
@@ -17,7 +18,7 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 using tests::run_program;
 
-/// init and run on the photographs; with ids 72-74 (a hand-held tool that moves) left out or not.
+/// init and run on the photographs; with ids 72-74 (three markers on a tool in front of the panel) left out or not.
 void measure_panel(const fs::path& data, const fs::path& job, bool without_tool) {
   std::vector<std::string> words = {"init",
                                     "--images",
@@ -54,16 +55,19 @@ TEST(AiconPanel, IsMeasuredAsWellAsAiconDid) {
   const ordered_json verify = base::read_json(folder / "job/results/verify/result.json").value();
 
   std::set<int> ids;
-  int rays = 0;
+  std::size_t rays = 0;
   for (const ordered_json& point : adjust["points"]) {
     ids.insert(point["id"].get<int>());
-    rays += point["rays"].get<int>();
+    rays += point["rays"].get<std::size_t>();
   }
   EXPECT_EQ(ids.size(), 70U);
   EXPECT_EQ(*ids.begin(), 2);
   EXPECT_EQ(*ids.rbegin(), 71) << "a wrong id in the network";
-  EXPECT_GE(rays, 1015);
-  EXPECT_LE(adjust["rejected"].size(), 10U + 3U);  // 1 % of the correct ones, and those that are wrong
+  std::size_t blunders = 0;  // readings of the right id that do not fit; a wrong id has another reason
+  for (const ordered_json& rejected : adjust["rejected"])
+    blunders += rejected["reason"].get<std::string>().starts_with("blunder");
+  EXPECT_GE(rays + blunders, 1015U);
+  EXPECT_LE(blunders, (rays + blunders) / 100);
   EXPECT_LE(adjust["sigma0_px"].get<double>(), 0.0155);
   EXPECT_EQ(verify["count"], 70);
   EXPECT_LE(verify["rms_mm"][0].get<double>(), 0.0060);
@@ -71,18 +75,21 @@ TEST(AiconPanel, IsMeasuredAsWellAsAiconDid) {
   EXPECT_LE(verify["rms_mm"][2].get<double>(), 0.0075);
 }
 
-TEST(AiconPanel, MarkersThatMoveBetweenTheImagesAreNamed) {
+TEST(AiconPanel, TheToolInFrontOfItStandsStill) {
   const fs::path data = tests::measured_data("aicon-panel");
   if (data.empty()) GTEST_SKIP() << "no aicon-panel in CROSSTIE_DATA";
   const tests::TemporaryFolder folder;
   measure_panel(data, folder / "job", false);
-  const ordered_json adjust = base::read_json(folder / "job/results/adjust/result.json").value();
-  std::set<int> moved;
-  for (const ordered_json& rejected : adjust["rejected"]) {
-    if (rejected["reason"].get<std::string>().find("moved") != std::string::npos) moved.insert(rejected["id"].get<int>());
+  // Ids 72-74 sit on a hand-held tool, but it was not touched during these photographs: AICON's coordinates of them fit too.
+  const ordered_json verify = base::read_json(folder / "job/results/verify/result.json").value();
+  EXPECT_EQ(verify["count"], 73);
+  std::set<int> on_tool;
+  for (const ordered_json& point : verify["points"]) {
+    if (point["id"].get<int>() < 72) continue;
+    on_tool.insert(point["id"].get<int>());
+    for (const ordered_json& along : point["deviation_mm"]) EXPECT_LT(std::abs(along.get<double>()), 0.02) << point["id"];
   }
-  EXPECT_THAT(moved, testing::ElementsAre(72, 73, 74));
-  EXPECT_EQ(adjust["points"].size(), 70U);
+  EXPECT_THAT(on_tool, testing::ElementsAre(72, 73, 74));
 }
 
 }  // namespace

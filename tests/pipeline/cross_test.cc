@@ -3,9 +3,9 @@
 #include <cmath>
 #include <map>
 
-#include <Eigen/Eigenvalues>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 #include <nlohmann/json.hpp>
 
 #include "base/json_file.h"
