@@ -42,6 +42,10 @@ base::Result<DetectionTask> detection_task(const Job& job);
 base::Result<StepOutcome> detect_step(const DetectionTask& task, const std::filesystem::path& out, bool timings,
                                       Session& session);
 
+/// kNoUniqueSolution where the job names nothing that gives the network its scale: to be asked before the photographs are
+/// looked at.
+base::Result<> check_scale(const Job& job);
+
 /// observations in `detection` -> network coordinates.
 base::Result<StepOutcome> adjust_step(const Job& job, const std::filesystem::path& detection, const std::filesystem::path& out,
                                       Session& session);

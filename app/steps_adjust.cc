@@ -252,6 +252,15 @@ Result<> write_files(const fs::path& folder, const base::AdjustedNetwork& networ
 
 }  // namespace
 
+Result<> check_scale(const Job& job) {
+  if (!job.network || job.network->scale_bars || job.network->scale_from || job.network->scale_is_free) return {};
+  return base::fail(
+      ErrorCode::kNoUniqueSolution,
+      fmt::format("{}: nothing gives the network its scale: add scale_bars or scale_from to [network], or scale = \"free\" "
+                  "for coordinates in an arbitrary unit",
+                  job.file.string()));
+}
+
 Result<StepOutcome> adjust_step(const Job& job, const fs::path& detection, const fs::path& out, Session& session) {
   const bundle::AdjustOptions adjust_options;
   const ordered_json options = effective_options(job, adjust_options);

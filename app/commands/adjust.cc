@@ -12,6 +12,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto job = read_job(*arguments.get("JOB"));
   if (!job) return tl::unexpected(job.error());
   const auto results = job->folder / "results";
+  if (const auto scale = check_scale(*job); !scale) return tl::unexpected(scale.error());
   const auto task = detection_task(*job);
   if (!task) return tl::unexpected(task.error());
   const auto detection = detect_step(*task, results / "detect", false, session);

@@ -27,6 +27,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const std::filesystem::path results = out ? std::filesystem::path(*out) : job->folder / "results";
   Outcome outcome = Outcome::kOk;
 
+  if (const auto scale = check_scale(*job); !scale) return tl::unexpected(scale.error());
   const auto task = detection_task(*job);
   if (!task) return tl::unexpected(task.error());
   const auto detection = detect_step(*task, results / "detect", false, session);

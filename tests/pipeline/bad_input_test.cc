@@ -105,7 +105,7 @@ TEST(BadInput, NoMarkersInAnyImage) {
 TEST(BadInput, NoScale) {
   const TemporaryFolder folder;
   write_job(folder, job_with("scale = \"free\"\n", ""));
-  expect_refused(folder, 4, "scale", "adjust");
+  expect_refused(folder, 4, "scale_bars", "detect");
 }
 
 TEST(BadInput, NoFocalLength) {
