@@ -61,7 +61,7 @@ Verb detect_verb() {
       "detect",
       "find coded markers in photographs, with a covariance for each centre",
       "  $ crosstie detect --family ring10 photographs/*.png --out found\n"
-      "  24 images, 612 coded markers\n"
+      "  24 images, 1073 coded markers\n"
       "  found/result.json",
       {{"IMAGE", "IMAGE", "photographs (PNG, TIFF, BMP, PGM, JPEG) or patterns", true, true},
        {"--family", "FAMILY", "marker family: ring10, aicon14, ...", true, false},
