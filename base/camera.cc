@@ -17,7 +17,7 @@ using detail::Distorted;
 using detail::Distortion;
 
 constexpr double kMaxTangent = 57.289961630759424;  // of 89 degrees
-constexpr double kUnprojectTolerance_px = 1e-9;
+constexpr double kUnprojectTolerancePx = 1e-9;
 
 struct ModelName {
   LensModel model;
@@ -199,7 +199,7 @@ std::optional<Eigen::Vector3d> Camera::unproject(const Eigen::Vector2d& pixel) c
     }
     if (!improved) break;  // at rounding, or at the edge of the domain: the residual tells which
   }
-  if (!((residual.array() * focal).matrix().norm() <= kUnprojectTolerance_px)) return std::nullopt;
+  if (!((residual.array() * focal).matrix().norm() <= kUnprojectTolerancePx)) return std::nullopt;
   return Eigen::Vector3d(p.x(), p.y(), 1.0).normalized();
 }
 

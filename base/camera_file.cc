@@ -17,7 +17,6 @@ namespace {
 
 using detail::PythonLiteral;
 using detail::YamlDocument;
-using detail::YamlMatrix;
 
 /// mrcal's models may carry the whole calibration problem inside.
 constexpr std::size_t kMaxCameraFileBytes = std::size_t{256} << 20;

@@ -9,7 +9,7 @@
 namespace crosstie::base {
 namespace {
 
-constexpr double kFullFrameWidth_mm = 36.0;
+constexpr double kFullFrameWidthMm = 36.0;
 constexpr std::size_t kMaxExifFileBytes = std::size_t{2} << 30;
 
 std::optional<double> positive_number(const Exiv2::ExifData& exif, const char* key) {
@@ -39,7 +39,7 @@ std::optional<double> focal_px(const Exiv2::ExifData& exif, int width_px, int he
     return *focal_mm * *resolution / *unit_mm * (width_px / taken_px);
   }
   if (const auto equivalent_mm = positive_number(exif, "Exif.Photo.FocalLengthIn35mmFilm")) {
-    return *equivalent_mm / kFullFrameWidth_mm * std::max(width_px, height_px);
+    return *equivalent_mm / kFullFrameWidthMm * std::max(width_px, height_px);
   }
   return std::nullopt;
 }

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kMaxImageBytes = std::size_t{2} << 30;
 /// Deflate packs at most 1032 bytes into one, and a byte holds at most 8 pixels; the other compressions stay below that. A
 /// header that claims more is refused before anything is allocated for it.
-constexpr std::int64_t kMaxPixelsPerByte = 1032 * 8;
+constexpr std::int64_t kMaxPixelsPerByte = std::int64_t{1032} * 8;
 constexpr std::int64_t kAlwaysAllowedPixels = 1'000'000;
 
 struct LoadedFile {

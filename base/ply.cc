@@ -18,7 +18,6 @@ namespace {
 
 using detail::PlyElement;
 using detail::PlyFormat;
-using detail::PlyHeader;
 using detail::PlyProperty;
 using detail::PlyType;
 
@@ -93,7 +92,7 @@ std::optional<double> read_property(ValueReader& values, const PlyProperty& prop
   if (!property.is_list) return values.next(property.type);
   const auto count = values.next(property.count_type);
   if (!count || *count < 0.0 || *count != std::floor(*count)) return std::nullopt;
-  for (double i = 0.0; i < *count; i += 1.0) {
+  for (auto left = static_cast<std::uint64_t>(*count); left > 0; --left) {
     if (!values.next(property.type)) return std::nullopt;
   }
   return 0.0;

@@ -12,7 +12,7 @@ using Polynomial = std::vector<double>;
 
 double evaluate(const Polynomial& p, double s) {
   double value = 0.0;
-  for (auto c = p.rbegin(); c != p.rend(); ++c) value = value * s + *c;
+  for (std::size_t i = p.size(); i-- > 0;) value = value * s + p[i];
   return value;
 }
 

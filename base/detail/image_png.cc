@@ -108,10 +108,11 @@ bool read_pixels(png_structp png, Context& context, Pixels& pixels) {
 
 template <typename Sample>
 void to_grey(const Pixels& pixels, Image& image) {
+  const auto width = static_cast<std::size_t>(pixels.width);
   for (int y = 0; y < pixels.height; ++y) {
     const auto* in = reinterpret_cast<const Sample*>(pixels.rows[static_cast<std::size_t>(y)]);
     Sample* out = image.row<Sample>(y);
-    for (int x = 0; x < pixels.width; ++x) {
+    for (std::size_t x = 0; x < width; ++x) {
       out[x] = pixels.channels == 1 ? in[x] : luminance(in[3 * x], in[3 * x + 1], in[3 * x + 2]);
     }
   }
