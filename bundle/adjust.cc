@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "bundle/detail/eccentricity.h"
 #include "bundle/detail/estimate.h"
 #include "bundle/detail/frame.h"
 #include "bundle/detail/minimise.h"
@@ -191,8 +192,11 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
         state->active[r] = 0;
     }
   }
+  // The network is good enough to tell how far ellipses' centres lie from circles' centres.
+  detail::reduce_to_circle_centres(*survey, *state);
   auto at = snoop(*survey, options, weights, *plan, *state, reasons, progress);
   if (!at) return fail(std::move(at));
+  detail::reduce_to_circle_centres(*survey, *state);
   if (options.reject_outliers) {
     const auto w = detail::standardised_of_rays(*survey, *state, *at, weights);
     if (detail::readmit(*survey, options, w, at->sigma0(), at->redundancy, reasons, *state) > 0) {

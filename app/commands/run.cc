@@ -54,8 +54,8 @@ Verb run_verb() {
           "do all that a job asks for, recomputing only what changed",
           "  $ crosstie run cross\n"
           "  detect  24 images, 1073 coded markers\n"
-          "  adjust  48 points from 24 images, sigma0 0.0026 px, redundancy 1835, 11 rejected, 2 warnings\n"
-          "  verify  44 points, RMS 0.0085 0.0086 0.0090 mm (x y z), deviation over predicted sigma 1.01",
+          "  adjust  48 points from 24 images, sigma0 0.0025 px, redundancy 1831, 13 rejected, 1 warnings\n"
+          "  verify  44 points, RMS 0.0084 0.0071 0.0085 mm (x y z), deviation over predicted sigma 0.93",
           {{"JOB", "JOB", "job folder or its job.toml", true, false},
            {"--out", "DIR", "folder for the results of all steps, DIR/<verb>/ (default: JOB/results)", false, false}},
           run};

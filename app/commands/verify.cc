@@ -39,7 +39,7 @@ Verb verify_verb() {
   return {"verify",
           "compare measured coordinates with a reference: best fit, deviations, length errors",
           "  $ crosstie verify --points results/adjust/result.json --reference tritop.csv --out check\n"
-          "  44 points, RMS 0.0085 0.0086 0.0090 mm (x y z), deviation over predicted sigma 1.01\n"
+          "  44 points, RMS 0.0084 0.0071 0.0085 mm (x y z), deviation over predicted sigma 0.93\n"
           "  check/result.json",
           {{"--points", "FILE", "measured: the result.json of adjust, or a point list", true, false},
            {"--reference", "FILE", "known coordinates: a point list or an AICON object list", true, false},

@@ -5,9 +5,11 @@
 #include <map>
 #include <numeric>
 #include <set>
+#include <tuple>
 
-#include <fmt/format.h>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <fmt/format.h>
 
 namespace crosstie::bundle::detail {
 namespace {
@@ -67,6 +69,18 @@ Result<> add_cameras(const base::Network& network, Survey& survey) {
   return {};
 }
 
+/// The ellipse as a matrix; zero where its axes are not known.
+Eigen::Matrix2d shape_of(const base::Observation& observation) {
+  if (!(observation.semi_minor_px > 0.0) || !std::isfinite(observation.semi_major_px) ||
+      !std::isfinite(observation.angle_rad)) {
+    return Eigen::Matrix2d::Zero();
+  }
+  const Eigen::Matrix2d axes = Eigen::Rotation2Dd(observation.angle_rad).toRotationMatrix();
+  const Eigen::Vector2d squares(observation.semi_major_px * observation.semi_major_px,
+                                observation.semi_minor_px * observation.semi_minor_px);
+  return axes * squares.asDiagonal() * axes.transpose();
+}
+
 Result<> add_images(const base::Network& network, Survey& survey) {
   std::vector<const base::ImageObservations*> sorted;
   for (const auto& image : network.images) sorted.push_back(&image);
@@ -107,7 +121,7 @@ Result<> add_images(const base::Network& network, Survey& survey) {
       if (observation.status != base::ObservationStatus::kCoded) continue;
       const auto point = std::lower_bound(survey.ids.begin(), survey.ids.end(), observation.id) - survey.ids.begin();
       rays.push_back({static_cast<int>(i), static_cast<int>(point), observation.centre_px, observation.cov_px2,
-                      observation.semi_major_px, false});
+                      observation.semi_major_px, false, observation.centre_px, shape_of(observation)});
     }
     std::sort(rays.begin(), rays.end(), [](const Ray& a, const Ray& b) {
       return std::tie(a.point, a.measured_px.y(), a.measured_px.x()) < std::tie(b.point, b.measured_px.y(), b.measured_px.x());

@@ -14,10 +14,13 @@ namespace crosstie::bundle::detail {
 struct Ray {
   int image = 0;
   int point = 0;
-  Eigen::Vector2d measured_px = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d cov_px2 = Eigen::Matrix2d::Zero();  ///< the detector's, made usable
-  double size_px = 0.0;                               ///< semi-major axis of the dot, 0 where unknown
-  bool twin = false;                                  ///< its id was read more than once in its image
+  Eigen::Vector2d measured_px = Eigen::Vector2d::Zero();  ///< of the circle's centre (eccentricity.h); at first the ellipse's
+  Eigen::Matrix2d cov_px2 = Eigen::Matrix2d::Zero();      ///< the detector's, made usable
+  double size_px = 0.0;                                   ///< semi-major axis of the dot, 0 where unknown
+  bool twin = false;                                      ///< its id was read more than once in its image
+  Eigen::Vector2d ellipse_px = Eigen::Vector2d::Zero();   ///< centre of the ellipse, as the detector found it
+  Eigen::Matrix2d shape_px2 =
+      Eigen::Matrix2d::Zero();  ///< the ellipse: its points are c + sqrt(shape) (cos t, sin t); 0 unknown
 };
 
 /// A scale bar both ends of which are points of the survey.

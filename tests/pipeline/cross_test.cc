@@ -94,7 +94,7 @@ TEST_F(Cross, CoordinatesAgreeWithTheTruthWithinTheirSigmas) {
   EXPECT_LT(chi2, math::chi_square_quantile(1.0 - 1e-6, rank)) << "sigmas too small, rank " << rank;
 }
 
-TEST_F(Cross, ReadsNoIdWrongly) {
+TEST_F(Cross, NoWrongIdStaysInTheNetwork) {
   const auto truth = base::read_table(job() / "truth/observations.csv");
   ASSERT_TRUE(truth) << truth.error().message;
   std::map<std::pair<std::string, int>, Eigen::Vector2d> centres;
@@ -107,19 +107,26 @@ TEST_F(Cross, ReadsNoIdWrongly) {
     centres[{truth->rows[row][*image], truth->integer(row, *id).value()}] = {truth->number(row, *x).value(),
                                                                              truth->number(row, *y).value()};
   }
+  std::map<std::pair<std::string, int>, int> rejected;
+  for (const ordered_json& entry : result("adjust")["rejected"]) ++rejected[{entry["image"], entry["id"]}];
   const auto found = base::read_observations(job() / "results/detect/observations.csv");
   ASSERT_TRUE(found) << found.error().message;
-  int coded = 0;
+  int right = 0;
+  int wrong = 0;  // rings half hidden by a plate in front of them can show another valid code
   for (const base::ImageObservations& photograph : *found) {
     for (const base::Observation& observation : photograph.observations) {
       if (observation.status != base::ObservationStatus::kCoded) continue;
-      ++coded;
       const auto known = centres.find({photograph.image, observation.id});
-      ASSERT_NE(known, centres.end()) << photograph.image << " has no " << observation.id;
-      EXPECT_LT((known->second - observation.centre_px).norm(), 0.5) << photograph.image << " " << observation.id;
+      if (known != centres.end() && (known->second - observation.centre_px).norm() < 0.5) {
+        ++right;
+        continue;
+      }
+      ++wrong;
+      EXPECT_GT((rejected[{photograph.image, observation.id}]--), 0) << photograph.image << " " << observation.id;
     }
   }
-  EXPECT_GT(coded, static_cast<int>(0.9 * static_cast<double>(centres.size())));
+  EXPECT_GT(right, static_cast<int>(0.9 * static_cast<double>(centres.size())));
+  EXPECT_LT(wrong, right / 50);
 }
 
 TEST_F(Cross, ResultsHoldTheKeysThatEveryVersionKeeps) {

@@ -1,0 +1,112 @@
+#include "bundle/detail/eccentricity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include <Eigen/Dense>
+
+#include "base/camera.h"
+
+namespace crosstie::bundle::detail {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Matrix23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+
+constexpr std::size_t kLeastImages = 3;
+constexpr double kUnequalAxes = 0.15;  // of the two radii that the ellipses give, relative: beyond it they show no circle
+
+/// d pixel / d point in camera.
+std::optional<Matrix23> projection_jacobian(const Survey& survey, const State& state, int image, const Vector3d& in_camera) {
+  Eigen::Vector2d pixel;
+  Matrix23 jacobian;
+  const Eigen::VectorXd& lens = state.lenses[static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(image)])];
+  if (!base::project_bare(survey.lens(image), lens.data(), in_camera.data(), pixel.data(), jacobian.data(), nullptr)) return {};
+  return jacobian;
+}
+
+/// r^2 (I - n n') in network from the ellipses of the rays.
+std::optional<Matrix3d> circle(const Survey& survey, const State& state, const std::vector<int>& rays, const Vector3d& point) {
+  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
+  for (const int r : rays) {
+    const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
+    const base::Pose camera_from_network = state.poses[static_cast<std::size_t>(ray.image)]->inverse();
+    const auto in_camera = projection_jacobian(survey, state, ray.image, camera_from_network * point);
+    if (!in_camera) continue;
+    const Matrix23 j = *in_camera * camera_from_network.rotation.toRotationMatrix();
+    // Each element (a, b) of S is the sum over M's six numbers; relative to the ellipse's size, so that near images do not
+    // rule.
+    const double scale = 1.0 / ray.shape_px2.trace();
+    for (const auto& [a, b] : {std::pair{0, 0}, std::pair{0, 1}, std::pair{1, 1}}) {
+      Eigen::Matrix<double, 6, 1> row;
+      row << j(a, 0) * j(b, 0), j(a, 0) * j(b, 1) + j(a, 1) * j(b, 0), j(a, 0) * j(b, 2) + j(a, 2) * j(b, 0), j(a, 1) * j(b, 1),
+          j(a, 1) * j(b, 2) + j(a, 2) * j(b, 1), j(a, 2) * j(b, 2);
+      row *= scale;
+      normal += row * row.transpose();
+      right += row * (scale * ray.shape_px2(a, b));
+    }
+  }
+  const Eigen::FullPivLU<Eigen::Matrix<double, 6, 6>> factor(normal);
+  if (factor.rank() < 6) return std::nullopt;
+  const Eigen::Matrix<double, 6, 1> m = factor.solve(right);
+  Matrix3d full;
+  full << m(0), m(1), m(2), m(1), m(3), m(4), m(2), m(4), m(5);
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(full);
+  const double small = eigen.eigenvalues()(1);
+  const double large = eigen.eigenvalues()(2);
+  if (!(small > 0.0) || std::sqrt(large / small) > 1.0 + kUnequalAxes || std::abs(eigen.eigenvalues()(0)) > 0.5 * small) {
+    return std::nullopt;
+  }
+  const Vector3d normal_direction = eigen.eigenvectors().col(0);
+  return Matrix3d(0.5 * (small + large) * (Matrix3d::Identity() - normal_direction * normal_direction.transpose()));
+}
+
+/// From the image of the circle's centre to the centre of its ellipse.
+std::optional<Eigen::Vector2d> eccentricity_px(const Survey& survey, const State& state, int image, const Vector3d& point,
+                                               const Matrix3d& circle) {
+  const base::Pose camera_from_network = state.poses[static_cast<std::size_t>(image)]->inverse();
+  const Matrix3d rotation = camera_from_network.rotation.toRotationMatrix();
+  const Vector3d x = camera_from_network * point;
+  const Matrix3d dual_conic = x * x.transpose() - rotation * circle * rotation.transpose();
+  const Vector3d centre = dual_conic.col(2);
+  const Eigen::VectorXd& lens = state.lenses[static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(image)])];
+  Eigen::Vector2d of_circle;
+  Eigen::Vector2d of_ellipse;
+  if (!base::project_bare(survey.lens(image), lens.data(), x.data(), of_circle.data(), nullptr, nullptr) ||
+      !base::project_bare(survey.lens(image), lens.data(), centre.data(), of_ellipse.data(), nullptr, nullptr)) {
+    return std::nullopt;
+  }
+  return of_ellipse - of_circle;
+}
+
+}  // namespace
+
+double reduce_to_circle_centres(Survey& survey, const State& state) {
+  double largest_px = 0.0;
+  for (std::size_t p = 0; p < survey.ids.size(); ++p) {
+    if (!state.points[p]) continue;
+    std::vector<int> rays;
+    for (const int r : survey.rays_of_point[p]) {
+      const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
+      if (state.active[static_cast<std::size_t>(r)] && state.knows(ray) && ray.shape_px2.trace() > 0.0) rays.push_back(r);
+    }
+    if (rays.size() < kLeastImages) continue;
+    const auto seen = circle(survey, state, rays, *state.points[p]);
+    if (!seen) continue;
+    for (const int r : survey.rays_of_point[p]) {
+      Ray& ray = survey.rays[static_cast<std::size_t>(r)];
+      if (!state.knows(ray)) continue;
+      const auto offset = eccentricity_px(survey, state, ray.image, *state.points[p], *seen);
+      if (!offset) continue;
+      ray.measured_px = ray.ellipse_px - *offset;
+      largest_px = std::max(largest_px, offset->norm());
+    }
+  }
+  return largest_px;
+}
+
+}  // namespace crosstie::bundle::detail

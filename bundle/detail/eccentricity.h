@@ -1,0 +1,22 @@
+#pragma once
+
+#include "bundle/detail/state.h"
+#include "bundle/detail/survey.h"
+
+namespace crosstie::bundle::detail {
+
+/// Reduces the measured ellipse centres to the images of the circles' centres: sets Ray::measured_px of every ray of a known
+/// point from Ray::ellipse_px. Nothing need be known of radii and normals:
+///
+/// A circle of radius r about X in a plane of normal n is M = r^2 (I - n n'). To first order of its size it appears as the
+/// ellipse S = J M J' (J = d pixel / d X), which is linear in the six numbers of M; all images of a point give M by least
+/// squares, and its nearest matrix of rank two with equal eigenvalues. With M_c in the camera, the dual conic of the image is
+/// M_c - X_c X_c' (Hartley & Zisserman, Multiple View Geometry, 2nd ed., ch. 8.2 and 2.2), so the centre of the ellipse is the
+/// direction (M_c - X_c X_c') e_z, exactly; its distance from the image of X is the eccentricity.
+///
+/// Points whose ellipses do not determine a circle (fewer than three images, sizes unknown or contradictory) keep their ellipse
+/// centres. The lens's distortion across one dot is not modelled (below 1e-3 px for dots below 50 px). Returns the largest
+/// eccentricity that was applied, in px.
+double reduce_to_circle_centres(Survey& survey, const State& state);
+
+}  // namespace crosstie::bundle::detail
