@@ -7,9 +7,9 @@
 #include <set>
 #include <tuple>
 
+#include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <fmt/format.h>
 
 namespace crosstie::bundle::detail {
 namespace {
