@@ -108,7 +108,8 @@ TEST_F(Cross, NoWrongIdStaysInTheNetwork) {
                                                                              truth->number(row, *y).value()};
   }
   std::map<std::pair<std::string, int>, int> rejected;
-  for (const ordered_json& entry : result("adjust")["rejected"]) ++rejected[{entry["image"], entry["id"]}];
+  const ordered_json adjusted = result("adjust");
+  for (const ordered_json& entry : adjusted["rejected"]) ++rejected[{entry["image"], entry["id"]}];
   const auto found = base::read_observations(job() / "results/detect/observations.csv");
   ASSERT_TRUE(found) << found.error().message;
   int right = 0;
