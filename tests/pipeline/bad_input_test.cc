@@ -62,28 +62,25 @@ TEST(BadInput, MissingJob) {
   expect_refused(folder, 5, "job.toml", "detect");
 }
 
-TEST(BadInput, UnknownKey) {
-  const TemporaryFolder folder;
-  write_job(folder, job_with("family", "famili"));
-  expect_refused(folder, 3, "did you mean 'family'", "detect");
-}
-
-TEST(BadInput, WrongFamily) {
-  const TemporaryFolder folder;
-  write_job(folder, job_with("ring10", "ring11"));
-  expect_refused(folder, 3, "ring10", "detect");
-}
-
-TEST(BadInput, NoImages) {
-  const TemporaryFolder folder;
-  write_job(folder, job_with("net/*.png", "net/*.tif"));
-  expect_refused(folder, 3, "net/*.tif", "detect");
-}
-
-TEST(BadInput, MissingFolder) {
-  const TemporaryFolder folder;
-  write_job(folder, job_with("net/*.png", "absent/*.png"));
-  expect_refused(folder, 3, "absent", "detect");
+TEST(BadInput, JobsThatAskForWhatIsNotThere) {
+  struct Case {
+    const char* from;
+    const char* to;
+    int exit_code;
+    const char* message;
+    const char* unwritten;
+  };
+  const Case cases[] = {
+      {"family", "famili", 3, "did you mean 'family'", "detect"}, {"ring10", "ring11", 3, "ring10", "detect"},
+      {"net/*.png", "net/*.tif", 3, "net/*.tif", "detect"},       {"net/*.png", "absent/*.png", 3, "absent", "detect"},
+      {"scale = \"free\"\n", "", 4, "scale_bars", "detect"},      {"focal_px = 1000.0\n", "", 3, "focal", "adjust"},
+  };
+  for (const Case& one : cases) {
+    SCOPED_TRACE(one.message);
+    const TemporaryFolder folder;
+    write_job(folder, job_with(one.from, one.to));
+    expect_refused(folder, one.exit_code, one.message, one.unwritten);
+  }
 }
 
 TEST(BadInput, DamagedImages) {
@@ -100,18 +97,6 @@ TEST(BadInput, NoMarkersInAnyImage) {
   write_job(folder);
   expect_refused(folder, 4, "", "adjust");
   EXPECT_TRUE(fs::exists(folder / "results/detect/result.json")) << "what was done well stays";
-}
-
-TEST(BadInput, NoScale) {
-  const TemporaryFolder folder;
-  write_job(folder, job_with("scale = \"free\"\n", ""));
-  expect_refused(folder, 4, "scale_bars", "detect");
-}
-
-TEST(BadInput, NoFocalLength) {
-  const TemporaryFolder folder;
-  write_job(folder, job_with("focal_px = 1000.0\n", ""));
-  expect_refused(folder, 3, "focal", "adjust");
 }
 
 TEST(BadInput, DamagedScaleBars) {
