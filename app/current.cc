@@ -51,4 +51,10 @@ bool same_inputs(const ordered_json& result, const std::vector<base::ResultInput
   return true;
 }
 
+Result<> publish(ResultFolder& folder, const std::string& html, const ordered_json& result) {
+  if (auto written = base::write_file_atomically(folder.path() / "report.html", html); !written) return written;
+  if (auto written = base::write_json(folder.path() / "result.json", result); !written) return written;
+  return folder.commit();
+}
+
 }  // namespace crosstie::app

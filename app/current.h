@@ -1,10 +1,12 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "app/result_folder.h"
 #include "app/verb.h"
 #include "base/result.h"
 #include "base/result_document.h"
@@ -23,5 +25,8 @@ Outcome outcome_of(const nlohmann::ordered_json& result);
 
 /// Whether a result was computed from exactly these inputs.
 bool same_inputs(const nlohmann::ordered_json& result, const std::vector<base::ResultInput>& inputs);
+
+/// Writes report.html and result.json into a folder in the making and puts it in its place.
+base::Result<> publish(ResultFolder& folder, const std::string& html, const nlohmann::ordered_json& result);
 
 }  // namespace crosstie::app

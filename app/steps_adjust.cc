@@ -281,11 +281,8 @@ Result<StepOutcome> adjust_step(const Job& job, const fs::path& detection, const
   base::ResultEnvelope envelope{"adjust", "network", *inputs, judge(*adjusted, job.limits), adjusted->warnings};
   if (auto written = write_files(folder->path(), *adjusted); !written) return base::fail(std::move(written));
   const std::string html = report::bundle_report(*adjusted, {"Bundle adjustment", job.name, envelope, options.dump(2)});
-  if (auto written = base::write_file_atomically(folder->path() / "report.html", html); !written)
-    return base::fail(std::move(written));
   const ordered_json result = base::result_json(envelope, options, base::network_json(*adjusted));
-  if (auto written = base::write_json(folder->path() / "result.json", result); !written) return base::fail(std::move(written));
-  if (auto committed = folder->commit(); !committed) return base::fail(std::move(committed));
+  if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   return StepOutcome{out,
                      fmt::format("{} points from {} images, sigma0 {:.4f} px, redundancy {}, {} rejected, {} warnings",
                                  adjusted->points.size(), adjusted->images.size(), adjusted->sigma0_px, adjusted->redundancy,

@@ -202,11 +202,7 @@ Result<StepOutcome> detect_step(const DetectionTask& task, const fs::path& out, 
   std::vector<std::string> overlays;
   for (const ImageFile& file : task.images) overlays.push_back(overlay_name(file).generic_string());
   const std::string html = report::detection_report(images, overlays, {task.title, task.title, envelope, options.dump(2)});
-  if (auto written = base::write_file_atomically(folder->path() / "report.html", html); !written)
-    return base::fail(std::move(written));
-  if (auto written = base::write_json(folder->path() / "result.json", result); !written) return base::fail(std::move(written));
-  if (auto committed = folder->commit(); !committed) return base::fail(std::move(committed));
-
+  if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   std::size_t coded = 0;
   for (const ImageObservations& image : images) coded += coded_count(image);
   return StepOutcome{out,

@@ -120,11 +120,8 @@ Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& ou
     return base::fail(std::move(written));
   const std::string html = report::verification_report(
       *verification, {"Verification against reference points", task.title, envelope, options_json.dump(2)});
-  if (auto written = base::write_file_atomically(folder->path() / "report.html", html); !written)
-    return base::fail(std::move(written));
   const ordered_json result = base::result_json(envelope, options_json, base::verification_json(*verification));
-  if (auto written = base::write_json(folder->path() / "result.json", result); !written) return base::fail(std::move(written));
-  if (auto committed = folder->commit(); !committed) return base::fail(std::move(committed));
+  if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   const auto used =
       std::count_if(verification->points.begin(), verification->points.end(), [](const auto& point) { return point.used; });
   return StepOutcome{
