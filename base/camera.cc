@@ -1,5 +1,6 @@
 #include "base/camera.h"
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
@@ -9,12 +10,13 @@
 #include <Eigen/Geometry>
 
 #include "base/detail/distortion.h"
+#include "base/detail/lens.h"
 
 namespace crosstie::base {
 namespace {
 
 using detail::Distorted;
-using detail::Distortion;
+using detail::Lens;
 
 constexpr double kMaxTangent = 57.289961630759424;  // of 89 degrees
 constexpr double kUnprojectTolerancePx = 1e-9;
@@ -23,18 +25,23 @@ struct ModelName {
   LensModel model;
   std::string_view name;
 };
-constexpr ModelName kModelNames[] = {{LensModel::kPinhole, "LENSMODEL_PINHOLE"},
-                                     {LensModel::kOpenCv4, "LENSMODEL_OPENCV4"},
-                                     {LensModel::kOpenCv5, "LENSMODEL_OPENCV5"},
-                                     {LensModel::kOpenCv8, "LENSMODEL_OPENCV8"},
-                                     {LensModel::kOpenCv12, "LENSMODEL_OPENCV12"}};
+constexpr ModelName kModelNames[] = {{LensModel::kPinhole, "LENSMODEL_PINHOLE"},   {LensModel::kOpenCv4, "LENSMODEL_OPENCV4"},
+                                     {LensModel::kOpenCv5, "LENSMODEL_OPENCV5"},   {LensModel::kOpenCv8, "LENSMODEL_OPENCV8"},
+                                     {LensModel::kOpenCv12, "LENSMODEL_OPENCV12"}, {LensModel::kAicon, "AICON"}};
 constexpr std::array<std::string_view, kMaxLensParameters> kParameterNames = {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2",
                                                                               "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"};
 
-Distortion distortion_of(LensModel model, const double* parameters) {
-  Distortion result{};
-  for (int i = 4; i < parameter_count(model); ++i) result[static_cast<std::size_t>(i - 4)] = parameters[i];
-  return result;
+constexpr std::array<std::string_view, kMaxLensParameters> kParameterUnits = {"px", "px", "px", "px"};
+constexpr std::array<std::string_view, 15> kAiconNames = {
+    "c", "xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2", "r0", "sensor_width", "sensor_height", "columns", "rows"};
+constexpr std::array<std::string_view, 15> kAiconUnits = {"mm", "mm", "mm", "1/mm^2", "1/mm^4", "1/mm^6", "1/mm", "1/mm",
+                                                          "",   "",   "mm", "mm",     "mm",     "px",     "px"};
+
+/// What a parameter must be like; the reason why it is not.
+std::string_view fault_of(LensModel model, int index, double value) {
+  if (!std::isfinite(value)) return "is not finite";
+  const bool positive = model == LensModel::kAicon ? index == 0 || index > 10 : index < 2;
+  return positive && !(value > 0.0) ? "is not positive" : "";
 }
 
 }  // namespace
@@ -51,9 +58,13 @@ int parameter_count(LensModel model) {
       return 12;
     case LensModel::kOpenCv12:
       return 16;
+    case LensModel::kAicon:
+      return 15;
   }
   return 4;
 }
+
+int adjustable_count(LensModel model) { return model == LensModel::kAicon ? 10 : parameter_count(model); }
 
 std::string_view lens_model_name(LensModel model) {
   for (const ModelName& entry : kModelNames) {
@@ -70,7 +81,13 @@ std::optional<LensModel> lens_model_from_name(std::string_view name) {
 }
 
 std::span<const std::string_view> parameter_names(LensModel model) {
+  if (model == LensModel::kAicon) return kAiconNames;
   return std::span(kParameterNames).first(static_cast<std::size_t>(parameter_count(model)));
+}
+
+std::span<const std::string_view> parameter_units(LensModel model) {
+  if (model == LensModel::kAicon) return kAiconUnits;
+  return std::span(kParameterUnits).first(static_cast<std::size_t>(parameter_count(model)));
 }
 
 bool project_bare(LensModel model, const double* parameters, const double* p_in_camera, double* pixel, double* d_point,
@@ -80,36 +97,37 @@ bool project_bare(LensModel model, const double* parameters, const double* p_in_
   const double inverse_z = 1.0 / z;
   const double x = p_in_camera[0] * inverse_z;
   const double y = p_in_camera[1] * inverse_z;
-  const double fx = parameters[0];
-  const double fy = parameters[1];
+  const Lens lens = detail::lens_of(model, parameters);
 
   double by_x[detail::kMaxDistortion];
   double by_y[detail::kMaxDistortion];
   const bool by_parameters = d_parameters != nullptr;
   const Distorted image =
-      detail::distort(distortion_of(model, parameters), x, y, by_parameters ? by_x : nullptr, by_parameters ? by_y : nullptr);
-  pixel[0] = fx * image.x + parameters[2];
-  pixel[1] = fy * image.y + parameters[3];
+      detail::distort(lens.distortion, x, y, by_parameters ? by_x : nullptr, by_parameters ? by_y : nullptr);
+  pixel[0] = lens.fx * image.x + lens.cx;
+  pixel[1] = lens.fy * image.y + lens.cy;
 
   if (d_point != nullptr) {
-    d_point[0] = fx * image.dx_dx * inverse_z;
-    d_point[1] = fx * image.dx_dy * inverse_z;
+    d_point[0] = lens.fx * image.dx_dx * inverse_z;
+    d_point[1] = lens.fx * image.dx_dy * inverse_z;
     d_point[2] = -(d_point[0] * x + d_point[1] * y);
-    d_point[3] = fy * image.dy_dx * inverse_z;
-    d_point[4] = fy * image.dy_dy * inverse_z;
+    d_point[3] = lens.fy * image.dy_dx * inverse_z;
+    d_point[4] = lens.fy * image.dy_dy * inverse_z;
     d_point[5] = -(d_point[3] * x + d_point[4] * y);
   }
   if (by_parameters) {
-    const int count = parameter_count(model);
-    double* u = d_parameters;
-    double* v = d_parameters + count;
-    u[0] = image.x;
-    v[1] = image.y;
-    u[2] = v[3] = 1.0;
-    u[1] = u[3] = v[0] = v[2] = 0.0;
-    for (int i = 4; i < count; ++i) {
-      u[i] = fx * by_x[i - 4];
-      v[i] = fy * by_y[i - 4];
+    double u[detail::kLensTerms] = {image.x, 0.0, 1.0, 0.0};
+    double v[detail::kLensTerms] = {0.0, image.y, 0.0, 1.0};
+    for (int i = 0; i < detail::kMaxDistortion; ++i) {
+      u[4 + i] = lens.fx * by_x[i];
+      v[4 + i] = lens.fy * by_y[i];
+    }
+    if (model == LensModel::kAicon) {
+      detail::aicon_derivatives(parameters, u, v, d_parameters);
+    } else {
+      const int count = parameter_count(model);
+      std::copy_n(u, count, d_parameters);
+      std::copy_n(v, count, d_parameters + count);
     }
   }
   return true;
@@ -124,25 +142,39 @@ Result<Camera> Camera::make(LensModel model, int width_px, int height_px, Eigen:
                                                   parameter_count(model), parameters.size()));
   }
   for (int i = 0; i < parameters.size(); ++i) {
-    const std::string_view name = kParameterNames[static_cast<std::size_t>(i)];
-    if (!std::isfinite(parameters[i])) return fail(ErrorCode::kBadInput, fmt::format("lens parameter {} is not finite", name));
-    if (i < 2 && !(parameters[i] > 0.0)) {
-      return fail(ErrorCode::kBadInput, fmt::format("focal length {} = {} px is not positive", name, parameters[i]));
-    }
+    const std::string_view fault = fault_of(model, i, parameters[i]);
+    if (fault.empty()) continue;
+    return fail(ErrorCode::kBadInput, fmt::format("lens parameter {} = {} {}",
+                                                  parameter_names(model)[static_cast<std::size_t>(i)], parameters[i], fault));
+  }
+  if (model == LensModel::kAicon && (parameters[13] != width_px || parameters[14] != height_px)) {
+    return fail(ErrorCode::kBadInput, fmt::format("a sensor of {} x {} px does not belong to images of {} x {} px",
+                                                  parameters[13], parameters[14], width_px, height_px));
   }
   Camera camera;
   camera.model_ = model;
   camera.width_px_ = width_px;
   camera.height_px_ = height_px;
-  camera.valid_tangent_ = detail::first_fold(distortion_of(model, parameters.data()), kMaxTangent);
+  camera.valid_tangent_ = detail::first_fold(detail::lens_of(model, parameters.data()).distortion, kMaxTangent);
   camera.parameters_ = std::move(parameters);
   return camera;
 }
 
 Result<Camera> Camera::nominal(LensModel model, int width_px, int height_px, double focal_px) {
+  assert(model != LensModel::kAicon);
   Eigen::VectorXd parameters = Eigen::VectorXd::Zero(parameter_count(model));
   parameters.head<4>() << focal_px, focal_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1);
   return make(model, width_px, height_px, std::move(parameters));
+}
+
+Eigen::Vector2d Camera::focal_px() const {
+  const Lens lens = detail::lens_of(model_, parameters_.data());
+  return {lens.fx, lens.fy};
+}
+
+Eigen::Vector2d Camera::principal_point_px() const {
+  const Lens lens = detail::lens_of(model_, parameters_.data());
+  return {lens.cx, lens.cy};
 }
 
 void Camera::set_covariance(Eigen::MatrixXd covariance) {
@@ -167,9 +199,10 @@ std::optional<Eigen::Vector2d> Camera::project(const Eigen::Vector3d& p_in_camer
 
 std::optional<Eigen::Vector3d> Camera::unproject(const Eigen::Vector2d& pixel) const {
   if (!pixel.allFinite()) return std::nullopt;
-  const Distortion k = distortion_of(model_, parameters_.data());
-  const Eigen::Array2d focal = parameters_.head<2>();
-  const Eigen::Vector2d target = (pixel.array() - parameters_.segment<2>(2).array()) / focal;
+  const Lens lens = detail::lens_of(model_, parameters_.data());
+  const detail::Distortion& k = lens.distortion;
+  const Eigen::Array2d focal(lens.fx, lens.fy);
+  const Eigen::Vector2d target = (pixel.array() - Eigen::Array2d(lens.cx, lens.cy)) / focal;
   const auto inside = [&](const Eigen::Vector2d& p) { return p.norm() < valid_tangent_; };
 
   // Start on the same azimuth at the radius that the radial terms alone give.

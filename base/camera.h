@@ -16,17 +16,29 @@ namespace crosstie::base {
 ///     x' = x radial + 2 p1 x y + p2 (r2 + 2 x^2) + s1 r2 + s2 r2^2
 ///     y' = y radial + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2
 ///     pixel = (fx x' + cx, fy y' + cy)
-enum class LensModel { kPinhole, kOpenCv4, kOpenCv5, kOpenCv8, kOpenCv12 };
+///
+/// kAicon is the model of AICON 3D Studio's .ior files, balanced about r0, on the sensor in mm with y up:
+///     xs = c X/Z, ys = -c Y/Z, r2 = xs^2 + ys^2
+///     dr = A1 (r2 - r0^2) + A2 (r2^2 - r0^4) + A3 (r2^3 - r0^6)
+///     x = xh + xs (1 + dr) + B1 (r2 + 2 xs^2) + 2 B2 xs ys + C1 xs + C2 ys
+///     y = yh + ys (1 + dr) + B2 (r2 + 2 ys^2) + 2 B1 xs ys
+///     pixel = ((columns - 1) / 2 + x columns / width, (rows - 1) / 2 - y rows / height)
+/// with the parameters c xh yh [mm] A1 A2 A3 B1 B2 C1 C2, then the constants r0, width, height [mm], columns, rows [px].
+enum class LensModel { kPinhole, kOpenCv4, kOpenCv5, kOpenCv8, kOpenCv12, kAicon };
 
 inline constexpr int kMaxLensParameters = 16;
 
-/// 4 + the number of distortion parameters.
+/// All parameters: for OpenCV's models 4 + the number of distortion parameters.
 [[nodiscard]] int parameter_count(LensModel model);
-/// mrcal's name: "LENSMODEL_PINHOLE", "LENSMODEL_OPENCV5", ...
+/// The first of them that an adjustment may estimate; what follows are constants of the model (kAicon: r0 and the sensor).
+[[nodiscard]] int adjustable_count(LensModel model);
+/// mrcal's name: "LENSMODEL_PINHOLE", "LENSMODEL_OPENCV5", ...; "AICON" for kAicon, which mrcal does not have.
 [[nodiscard]] std::string_view lens_model_name(LensModel model);
 [[nodiscard]] std::optional<LensModel> lens_model_from_name(std::string_view name);
-/// "fx", "fy", "cx", "cy", "k1", ... in the order of the parameters.
+/// "fx", "fy", "cx", "cy", "k1", ... in the order of the parameters; for kAicon "c", "xh", "yh", "A1", ...
 [[nodiscard]] std::span<const std::string_view> parameter_names(LensModel model);
+/// "px", "mm", "1/mm^2", ... in the order of the parameters; "" for those without a unit.
+[[nodiscard]] std::span<const std::string_view> parameter_units(LensModel model);
 
 /// The bare projection, for the inner loops of adjustments: no domain beyond Z > 0 is checked.
 /// `parameters` has parameter_count(model) values, `p_in_camera` three (mm), `pixel` receives two (px).
@@ -45,13 +57,17 @@ class Camera {
  public:
   /// An Error where counts differ, a value is not finite, a focal length is not positive or the size is not positive.
   static Result<Camera> make(LensModel model, int width_px, int height_px, Eigen::VectorXd parameters);
-  /// A pinhole of the given focal length with its principal point in the image's centre.
+  /// A lens of OpenCV's models without distortion, of the given focal length and with its principal point in the image's centre.
   static Result<Camera> nominal(LensModel model, int width_px, int height_px, double focal_px);
 
   [[nodiscard]] LensModel model() const { return model_; }
   [[nodiscard]] int width_px() const { return width_px_; }
   [[nodiscard]] int height_px() const { return height_px_; }
   [[nodiscard]] const Eigen::VectorXd& parameters() const { return parameters_; }
+
+  /// Focal lengths fx, fy and principal point [px], whatever the model calls them.
+  [[nodiscard]] Eigen::Vector2d focal_px() const;
+  [[nodiscard]] Eigen::Vector2d principal_point_px() const;
 
   /// Covariance of the parameters in their units squared; empty where unknown.
   [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }

@@ -158,6 +158,9 @@ Result<> write_cameramodel(const std::filesystem::path& path, const Camera& came
 }
 
 Result<> write_opencv_yaml(const std::filesystem::path& path, const Camera& camera) {
+  if (camera.model() == LensModel::kAicon) {
+    return fail(ErrorCode::kUsage, fmt::format("{}: OpenCV has no lens model with AICON's balanced distortion", shown(path)));
+  }
   const Eigen::VectorXd& p = camera.parameters();
   // OpenCV has no model without coefficients; four zeros are the same projection.
   const Eigen::VectorXd k = p.size() > 4 ? Eigen::VectorXd(p.tail(p.size() - 4)) : Eigen::VectorXd::Zero(4);

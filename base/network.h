@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,12 +23,48 @@ struct NetworkCamera {
   bool estimate = true;  ///< false: the parameters are taken as they are
 };
 
-/// What an adjustment starts from: who saw which marker where, and which lengths are known.
+/// Cameras on one mount: where each of them sits relative to the first is unknown, but the same at all stations.
+struct NetworkRig {
+  std::string name;
+  std::vector<std::string> cameras;                ///< the frame of the rig is that of the first
+  std::vector<std::vector<std::string>> stations;  ///< the images of one moment, at most one of each camera
+};
+
+/// Coordinates that were determined together elsewhere, as observations in the frame of the result. A coordinate with a variance
+/// of zero is held. Directions in which a singular covariance vanishes (the datum of the network it came from) are exact.
+struct ControlGroup {
+  std::vector<int> ids;
+  Eigen::VectorXd xyz_mm;   ///< x y z of each id
+  Eigen::MatrixXd cov_mm2;  ///< 3 n x 3 n, positive semi-definite
+};
+
+/// A point that tells where the frame of the result lies. See Network::datum.
+struct DatumPoint {
+  int id = 0;
+  Eigen::Vector3d xyz_mm = Eigen::Vector3d::Zero();
+  std::array<bool, 3> axes = {true, true, true};  ///< the coordinates that count; the others are only start values
+};
+
+struct StartPose {
+  std::string image;
+  Pose network_from_camera;
+};
+
+/// What an adjustment starts from: who saw which marker where, and what is known of lengths, points and poses.
 struct Network {
   std::vector<NetworkCamera> cameras;
   std::vector<ImageObservations> images;  ///< their `camera` names one of `cameras`; only coded markers are used so far
+  std::vector<NetworkRig> rigs;
   std::vector<ScaleBar> scale_bars;
-  bool scale_is_free = false;  ///< true: no scale is known and none is wanted; the result's unit is then arbitrary
+  bool scale_is_free = false;         ///< true: no scale is known and none is wanted; the result's unit is then arbitrary
+  std::vector<ControlGroup> control;  ///< independent of each other
+  /// The frame is the one in which the sum of squares of the counting coordinates' differences is least: inner constraints where
+  /// all coordinates of many points count, 3-2-1 or a minimally fixed datum where exactly as many count as are free. Where the
+  /// scale is free, it is fitted, too. Empty: the control points; without these, the axes of the network itself.
+  std::vector<DatumPoint> datum;
+  std::vector<StartPose> start_poses;        ///< where known of all images, they are tried before start values are looked for
+  std::vector<ReferencePoint> start_points;  ///< the same for points; what is missing is triangulated
+  std::optional<double> dot_diameter_mm;     ///< of the coded markers: a scale that is far from it is refused
 };
 
 /// An observation that did not take part, and why.
@@ -82,6 +119,31 @@ struct AdjustedScaleBar {
   double w = 0.0;            ///< (measured - known) over the sigma of that difference
 };
 
+/// Where a camera sits on its rig.
+struct AdjustedMount {
+  std::string camera;
+  Pose rig_from_camera;
+  Matrix6d cov = Matrix6d::Zero();  ///< zero for the first camera, whose frame is the rig's
+};
+
+struct AdjustedRig {
+  std::string name;
+  int stations = 0;  ///< that took part
+  std::vector<AdjustedMount> mounts;
+
+  /// Distance of the second camera's projection centre from the first's, and its sigma.
+  [[nodiscard]] double baseline_mm() const;
+  [[nodiscard]] double baseline_sigma_mm() const;
+};
+
+/// A control point in the adjustment.
+struct AdjustedControl {
+  int id = 0;
+  Eigen::Vector3d residual_mm = Eigen::Vector3d::Zero();  ///< adjusted minus given
+  Eigen::Vector3d sigma_mm = Eigen::Vector3d::Zero();     ///< a priori; 0 where held
+  double w = 0.0;                                         ///< standardised residual of its group over the a priori sigma
+};
+
 /// The outcome of an adjustment. Covariances are a posteriori (multiplied by sigma0^2) in the stated datum.
 struct AdjustedNetwork {
   std::string datum;       ///< "inner constraints", ...
@@ -98,15 +160,22 @@ struct AdjustedNetwork {
   int redundancy = 0;    ///< n - u + conditions
   double chi2_p = 0.0;   ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
   int iterations = 0;
+  /// Least eigenvalue of the reduced normal matrix, scaled to unit diagonal, in the datum: near 0 where a combination of unknowns
+  /// is hardly determined; and the unknowns that dominate its eigenvector.
+  double least_eigenvalue = 0.0;
+  std::string weakest;
   std::vector<AdjustedCamera> cameras;  ///< sorted by name, as all lists by name or id
   std::vector<AdjustedImage> images;
   std::vector<AdjustedPoint> points;
+  std::vector<AdjustedRig> rigs;
   std::vector<AdjustedScaleBar> scale_bars;
+  std::vector<AdjustedControl> control;
   std::vector<AdjustedObservation> residuals;  ///< by image, then point
   std::vector<RejectedObservation> rejected;
   std::vector<Warning> warnings;
 
-  /// Full covariance: the estimated parameters of each camera in order, then 6 per image, then 3 per point, in `labels`' order.
+  /// Full covariance: the estimated parameters of each camera in order, then 6 per mount and image (per station where the camera
+  /// is on a rig), then 3 per point, in `labels`' order.
   Eigen::MatrixXd covariance;
   std::vector<std::string> labels;  ///< "camera c043 fx [px]", "image 043_0005 rx [rad]", "point 11 x [mm]"
 };

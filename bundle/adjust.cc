@@ -11,6 +11,7 @@
 #include "bundle/detail/minimise.h"
 #include "bundle/detail/outcome.h"
 #include "bundle/detail/outliers.h"
+#include "bundle/detail/rig.h"
 #include "bundle/detail/start.h"
 #include "bundle/detail/survey.h"
 #include "bundle/detail/triangulate.h"
@@ -43,7 +44,8 @@ Result<ModelPlan> lens_plan(const Survey& survey, const AdjustOptions& options) 
     const auto names = base::parameter_names(camera.camera.model());
     const Eigen::MatrixXd& cov = camera.camera.covariance();
     std::vector<int> free;
-    for (std::size_t k = 0; camera.estimate && k < names.size(); ++k) {
+    const auto adjustable = static_cast<std::size_t>(base::adjustable_count(camera.camera.model()));
+    for (std::size_t k = 0; camera.estimate && k < adjustable; ++k) {
       const bool held = std::find(options.fixed_parameters.begin(), options.fixed_parameters.end(), names[k]) !=
                         options.fixed_parameters.end();
       const auto index = static_cast<Eigen::Index>(k);
@@ -75,7 +77,7 @@ Result<> settle_robustly(const Survey& survey, const AdjustOptions& options, con
       network.model, {.max_iterations = options.max_iterations, .robust_scale = kRobustSigmas, .function_tolerance = 1e-8},
       progress);
   if (!summary) return fail(std::move(summary));
-  detail::read_back(network, state);
+  detail::read_back(survey, network, state);
   state.iterations += summary->iterations;
   return {};
 }
@@ -109,6 +111,10 @@ Result<Estimate> snoop(const Survey& survey, const AdjustOptions& options, Weigh
 Result<Estimate> settle_weights(const Survey& survey, const AdjustOptions& options, Weights& weights, ModelPlan& plan,
                                 State& state, const Progress& progress) {
   constexpr int kMaxUpdates = 30;
+  if (!weights.estimated()) {
+    plan.whitening = weights.whitening();
+    return detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+  }
   for (int update = 0;; ++update) {
     plan.whitening = weights.whitening();
     auto at = detail::estimate(survey, state, plan, {false, options.max_iterations, kCoarse}, progress);
@@ -118,6 +124,66 @@ Result<Estimate> settle_weights(const Survey& survey, const AdjustOptions& optio
       return detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
     }
   }
+}
+
+/// Start values as given where they serve, else from the images alone.
+Result<State> start(Survey& survey, const AdjustOptions& options, const std::vector<std::vector<int>>& free_lens,
+                    const Progress& progress) {
+  if (auto given = detail::from_start_values(survey, options, free_lens, progress)) return std::move(*given);
+  const bool none =
+      std::none_of(survey.start_poses.begin(), survey.start_poses.end(), [](const auto& pose) { return pose.has_value(); });
+  if (!none && !progress.cancelled()) {
+    survey.warnings.push_back(
+        {"start_values_unused", "",
+         "the start values that were given do not lead to a network that agrees with the image points, or are "
+         "not given of all images; others were found from the images alone"});
+  }
+  return detail::orient(survey, options, free_lens, progress);
+}
+
+/// Deactivates what stands in several places or far from where all the rest expects it.
+Result<> tell_outliers(const Survey& survey, const AdjustOptions& options, Weights& weights, const ModelPlan& plan,
+                       State& state, Reasons& reasons, const Progress& progress) {
+  double robust_px = detail::robust_sigma_px(survey, state);
+  detail::sort_out_points(survey, options, std::max(1.0, kAgreement * robust_px), state, reasons);
+  detail::prune(survey, options, state, reasons);
+  if (auto ok = settle_robustly(survey, options, weights, plan, state, progress); !ok) return ok;
+  robust_px = detail::robust_sigma_px(survey, state);
+  weights.guess(robust_px);
+  detail::sort_out_points(survey, options, kAgreement * robust_px, state, reasons);
+  for (std::size_t r = 0; r < survey.rays.size(); ++r) {
+    const detail::Ray& ray = survey.rays[r];
+    if (state.active[r] && state.knows(ray) && detail::distance_px(survey, state, ray) > kAgreement * robust_px)
+      state.active[r] = 0;
+  }
+  return {};
+}
+
+Result<> bring_to_size(const Survey& survey, State& state) {
+  const auto scale = detail::scale_factor(survey, state);
+  if (!scale) return tl::unexpected(scale.error());
+  detail::rescale(state, *scale);
+  return {};
+}
+
+/// The markers' own size as a second witness of the scale: a length in another unit shows.
+Result<> check_dot_diameter(const Survey& survey, const State& state) {
+  constexpr double kFarOff = 1.25;  // diameters from ellipses are good to some percent
+  if (!survey.dot_diameter_mm || survey.scale_is_free) return {};
+  const auto measured = detail::dot_diameter_mm(survey, state);
+  if (!measured) return {};
+  const double ratio = *measured / *survey.dot_diameter_mm;
+  if (ratio < kFarOff && ratio > 1.0 / kFarOff) return {};
+  const auto near = [&](double unit) { return std::max(ratio / unit, unit / ratio) < kFarOff; };
+  return fail(
+      ErrorCode::kBadInput,
+      fmt::format("the scale contradicts the markers: their dots measure {:.4g} mm, the job says {:.4g} mm; {}compare the "
+                  "lengths that give the scale, and their unit, with dot_diameter_mm",
+                  *measured, *survey.dot_diameter_mm,
+                  near(1.0 / 25.4)          ? "are the lengths in inches? "
+                  : near(1e-3)              ? "are the lengths in metres? "
+                  : near(25.4) || near(1e3) ? "is the diameter in another unit? "
+                                            : ""));
 }
 
 /// The network is only as deep as its rays are apart: a single projection centre gives none.
@@ -153,9 +219,13 @@ Result<> AdjustOptions::validate() const {
     return bad(fmt::format("min_angle_rad is {}, not in [0, 1.5)", min_angle_rad));
   if (start_pairs < 1) return bad(fmt::format("start_pairs is {}, it must be 1 or more", start_pairs));
   if (max_iterations < 1) return bad(fmt::format("max_iterations is {}, it must be 1 or more", max_iterations));
-  const auto names = base::parameter_names(base::LensModel::kOpenCv12);
   for (const std::string& name : fixed_parameters) {
-    if (std::find(names.begin(), names.end(), name) == names.end()) return bad("no lens model has a parameter " + name);
+    const auto known = [&](base::LensModel model) {
+      const auto names = base::parameter_names(model);
+      return std::find(names.begin(), names.end(), name) != names.end();
+    };
+    if (!known(base::LensModel::kOpenCv12) && !known(base::LensModel::kAicon))
+      return bad("no lens model has a parameter " + name);
   }
   return {};
 }
@@ -168,29 +238,21 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
   auto plan = lens_plan(*survey, options);
   if (!plan) return fail(std::move(plan));
 
-  // Start values, without a scale.
-  auto state = detail::orient(*survey, options, plan->free_lens, progress);
+  // Start values, without a scale: those that were given, or from the images alone.
+  auto state = start(*survey, options, plan->free_lens, progress);
   if (!state) return fail(std::move(state));
   Reasons reasons(*survey);
   if (auto ok = check_depth(*survey, *state); !ok) return fail(std::move(ok));
+  detail::mount_cameras(*survey, *state);
 
   // What agrees, robustly; what stands in several places; then least squares with data snooping. The scale stays free until
   // all image points that take part are known, so that no bar bends the network while outliers are told.
   Weights weights(*survey, options);
   double robust_px = detail::robust_sigma_px(*survey, *state);
-  detail::sort_out_points(*survey, options, std::max(1.0, kAgreement * robust_px), *state, reasons);
   weights.guess(robust_px);
-  detail::prune(*survey, options, *state, reasons);
-  if (auto ok = settle_robustly(*survey, options, weights, *plan, *state, progress); !ok) return fail(std::move(ok));
-  robust_px = detail::robust_sigma_px(*survey, *state);
-  weights.guess(robust_px);
-  detail::sort_out_points(*survey, options, kAgreement * robust_px, *state, reasons);
   if (options.reject_outliers) {
-    for (std::size_t r = 0; r < survey->rays.size(); ++r) {
-      const detail::Ray& ray = survey->rays[r];
-      if (state->active[r] && state->knows(ray) && detail::distance_px(*survey, *state, ray) > kAgreement * robust_px)
-        state->active[r] = 0;
-    }
+    if (auto ok = tell_outliers(*survey, options, weights, *plan, *state, reasons, progress); !ok) return fail(std::move(ok));
+    robust_px = detail::robust_sigma_px(*survey, *state);
   }
   // The network is good enough to tell how far ellipses' centres lie from circles' centres.
   detail::reduce_to_circle_centres(*survey, *state);
@@ -207,20 +269,25 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
   if (auto ok = check_depth(*survey, *state); !ok) return fail(std::move(ok));
 
   // The scale, the frame, and the final adjustment in it.
-  auto scale = detail::scale_factor(*survey, *state);
-  if (!scale) return fail(std::move(scale));
-  detail::rescale(*state, *scale);
-  plan->used_bars = true;
+  if (auto ok = bring_to_size(*survey, *state); !ok) return fail(std::move(ok));
+  const bool controlled = !survey->control.empty();
+  if (controlled) {
+    if (auto ok = detail::move_onto_datum(*survey, *state, false); !ok) return fail(std::move(ok));
+  }
+  plan->known_sizes = true;
   at = settle_weights(*survey, options, weights, *plan, *state, progress);
   if (!at) return fail(std::move(at));
   if (at->equations.null_space().cols() == 7) {
-    scale = detail::scale_factor(*survey, *state);
-    if (!scale) return fail(std::move(scale));
-    detail::rescale(*state, *scale);
+    if (auto ok = bring_to_size(*survey, *state); !ok) return fail(std::move(ok));
   }
-  detail::transform(*state, detail::principal_frame_from_network(*survey, *state));
+  if (!controlled && survey->datum.empty()) {
+    detail::transform(*state, detail::principal_frame_from_network(*survey, *state));
+  } else if (!controlled) {
+    if (auto ok = detail::move_onto_datum(*survey, *state, survey->scale_is_free); !ok) return fail(std::move(ok));
+  }
   at = detail::estimate(*survey, *state, *plan, {false, options.max_iterations}, progress);
   if (!at) return fail(std::move(at));
+  if (auto ok = check_dot_diameter(*survey, *state); !ok) return fail(std::move(ok));
   detail::explain(*survey, *state, kAgreement * robust_px, reasons);
   auto result = detail::make_outcome(*survey, options, *state, *at, weights, reasons);
   if (result) detail::diagnose(*survey, options, *state, *at, weights, *result);

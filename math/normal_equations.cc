@@ -238,24 +238,44 @@ Result<> NormalEquations::factorise(MatrixXd reduced, double min_eigenvalue) {
   return fail(ErrorCode::kNoUniqueSolution, std::move(message));
 }
 
+std::string NormalEquations::dominant_unknowns(const VectorXd& direction) const {
+  constexpr int kMaxNames = 5;
+  const VectorXd share = direction.cwiseAbs2() / direction.squaredNorm();
+  std::vector<int> order(static_cast<std::size_t>(share.size()));
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return share(a) > share(b); });
+  std::string names;
+  double named = 0.0;
+  for (int i = 0; i < kMaxNames && i < static_cast<int>(order.size()) && named < 0.9; ++i) {
+    const int at = order[static_cast<std::size_t>(i)];
+    names += (names.empty() ? "" : " with ") + parameters_.label(kept_index_[static_cast<std::size_t>(at)]);
+    named += share(at);
+  }
+  return names;
+}
+
+std::pair<double, std::string> NormalEquations::weakest() const {
+  constexpr int kMaxIterations = 200;
+  constexpr double kSettled = 1e-6;  // relative change of the eigenvalue
+  if (scaled_.rows() == 0) return {1.0, ""};
+  VectorXd direction = VectorXd::LinSpaced(scaled_.rows(), 1.0, 2.0).normalized();
+  double value = 0.0;
+  for (int i = 0; i < kMaxIterations; ++i) {
+    const VectorXd next = factor_.solve(direction);
+    const double before = value;
+    value = 1.0 / next.norm();
+    direction = next.normalized();
+    if (std::abs(value - before) < kSettled * value) break;
+  }
+  return {value, dominant_unknowns(direction)};
+}
+
 std::vector<std::string> NormalEquations::weak_directions(double limit) const {
   constexpr int kMaxDirections = 3;
-  constexpr int kMaxNames = 5;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled_);
   std::vector<std::string> result;
   for (Eigen::Index k = 0; k < scaled_.rows() && eigen.eigenvalues()(k) < limit && k < kMaxDirections; ++k) {
-    const VectorXd share = eigen.eigenvectors().col(k).cwiseAbs2();
-    std::vector<int> order(static_cast<std::size_t>(share.size()));
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return share(a) > share(b); });
-    std::string names;
-    double named = 0.0;
-    for (int i = 0; i < kMaxNames && i < static_cast<int>(order.size()) && named < 0.9; ++i) {
-      const int at = order[static_cast<std::size_t>(i)];
-      names += (names.empty() ? "" : " with ") + parameters_.label(kept_index_[static_cast<std::size_t>(at)]);
-      named += share(at);
-    }
-    result.push_back(std::move(names));
+    result.push_back(dominant_unknowns(eigen.eigenvectors().col(k)));
   }
   return result;
 }

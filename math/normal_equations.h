@@ -61,12 +61,15 @@ class NormalEquations {
   [[nodiscard]] std::pair<int, int> cell_of(int block) const { return cell_of_[static_cast<std::size_t>(block)]; }
   /// Q of the kept unknowns.
   [[nodiscard]] Eigen::MatrixXd kept_cofactors() const;
+  /// The least eigenvalue of M by inverse iteration, and the unknowns that dominate its eigenvector as text.
+  [[nodiscard]] std::pair<double, std::string> weakest() const;
   /// Eigenvalues of M that fall below `limit`, as text that names the unknowns which dominate their eigenvectors.
   [[nodiscard]] std::vector<std::string> weak_directions(double limit) const;
 
  private:
   NormalEquations() = default;
   base::Result<> accumulate(const WhitenedRows& rows, Eigen::MatrixXd& reduced);
+  [[nodiscard]] std::string dominant_unknowns(const Eigen::VectorXd& direction) const;
   base::Result<> factorise(Eigen::MatrixXd reduced, double min_eigenvalue);
 
   Parameters parameters_;

@@ -85,6 +85,9 @@ tl::expected<ColmapLensValues, std::string> colmap_of_camera(const Camera& camer
     case LensModel::kOpenCv8:
       values.lens = colmap_lens("FULL_OPENCV");
       break;
+    case LensModel::kAicon:
+      return tl::unexpected<std::string>(
+          "COLMAP has no lens model with AICON's balanced distortion; adjust with opencv4 or opencv5");
   }
   values.parameters.assign(p.data(), p.data() + count);
   values.parameters.resize(static_cast<std::size_t>(values.lens->parameter_count), 0.0);

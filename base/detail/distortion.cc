@@ -54,7 +54,7 @@ std::vector<double> zeros(const Polynomial& p, double end) {
 }
 
 /// The numerator and the denominator of `radial` as polynomials in s = r^2.
-Polynomial numerator(const Distortion& k) { return {1.0, k[0], k[1], k[4]}; }
+Polynomial numerator(const Distortion& k) { return {1.0 + k[12], k[0], k[1], k[4]}; }
 Polynomial denominator(const Distortion& k) { return {1.0, k[5], k[6], k[7]}; }
 
 }  // namespace
@@ -65,7 +65,7 @@ Distorted distort(const Distortion& k, double x, double y, double* dx, double* d
   const double xy = x * y;
   const double s = xx + yy;
   const double ss = s * s;
-  const double n = 1.0 + s * (k[0] + s * (k[1] + s * k[4]));
+  const double n = 1.0 + k[12] + s * (k[0] + s * (k[1] + s * k[4]));
   const double d = 1.0 + s * (k[5] + s * (k[6] + s * k[7]));
   const double n_s = k[0] + s * (2.0 * k[1] + s * 3.0 * k[4]);
   const double d_s = k[5] + s * (2.0 * k[6] + s * 3.0 * k[7]);
@@ -74,14 +74,14 @@ Distorted distort(const Distortion& k, double x, double y, double* dx, double* d
   const double radial_s = (n_s - radial * d_s) * inverse_d;
 
   Distorted result;
-  result.x = x * radial + 2.0 * k[2] * xy + k[3] * (s + 2.0 * xx) + k[8] * s + k[9] * ss;
+  result.x = x * radial + 2.0 * k[2] * xy + k[3] * (s + 2.0 * xx) + k[8] * s + k[9] * ss + k[13] * x + k[14] * y;
   result.y = y * radial + k[2] * (s + 2.0 * yy) + 2.0 * k[3] * xy + k[10] * s + k[11] * ss;
 
   const double prism_x = k[8] + 2.0 * k[9] * s;
   const double prism_y = k[10] + 2.0 * k[11] * s;
   const double mixed = 2.0 * xy * radial_s + 2.0 * (k[2] * x + k[3] * y);
-  result.dx_dx = radial + 2.0 * xx * radial_s + 2.0 * k[2] * y + 6.0 * k[3] * x + 2.0 * x * prism_x;
-  result.dx_dy = mixed + 2.0 * y * prism_x;
+  result.dx_dx = radial + 2.0 * xx * radial_s + 2.0 * k[2] * y + 6.0 * k[3] * x + 2.0 * x * prism_x + k[13];
+  result.dx_dy = mixed + 2.0 * y * prism_x + k[14];
   result.dy_dx = mixed + 2.0 * x * prism_y;
   result.dy_dy = radial + 2.0 * yy * radial_s + 6.0 * k[2] * y + 2.0 * k[3] * x + 2.0 * y * prism_y;
 
@@ -102,6 +102,11 @@ Distorted distort(const Distortion& k, double x, double y, double* dx, double* d
     dx[8] = dy[10] = s;
     dx[9] = dy[11] = ss;
     dx[10] = dx[11] = dy[8] = dy[9] = 0.0;
+    dx[12] = x * inverse_d;
+    dy[12] = y * inverse_d;
+    dx[13] = x;
+    dx[14] = y;
+    dy[13] = dy[14] = 0.0;
   }
   return result;
 }

@@ -4,9 +4,10 @@
 
 namespace crosstie::base::detail {
 
-inline constexpr int kMaxDistortion = 12;
+inline constexpr int kMaxDistortion = 15;
 
-/// k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, zeros where the model has fewer.
+/// k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 and k0 a1 a2, zeros where the model has fewer. Beyond the formula of base/camera.h, k0 is
+/// added to the numerator of `radial` (a balanced distortion scales the image), a1 x + a2 y to x' (affinity and shear).
 using Distortion = std::array<double, kMaxDistortion>;
 
 /// The distortion (x', y') of a normalised image point (x, y), with its 2x2 derivative.
@@ -17,7 +18,7 @@ struct Distorted {
   [[nodiscard]] double determinant() const { return dx_dx * dy_dy - dx_dy * dy_dx; }
 };
 
-/// The formula of base/camera.h. The derivatives of x' (y') by the twelve parameters go to `dx` (`dy`) where not null.
+/// The formula of base/camera.h. The derivatives of x' (y') by the parameters go to `dx` (`dy`) where not null.
 Distorted distort(const Distortion& k, double x, double y, double* dx = nullptr, double* dy = nullptr);
 
 /// The smallest r > 0 at which d(r radial(r^2))/dr or the denominator of `radial` is zero, or `max_tangent`.

@@ -65,6 +65,18 @@ std::optional<Matrix3d> circle(const Survey& survey, const State& state, const s
   return Matrix3d(0.5 * (small + large) * (Matrix3d::Identity() - normal_direction * normal_direction.transpose()));
 }
 
+/// The same of all active rays of a point.
+std::optional<Matrix3d> circle_of_point(const Survey& survey, const State& state, std::size_t point) {
+  if (!state.points[point]) return std::nullopt;
+  std::vector<int> rays;
+  for (const int r : survey.rays_of_point[point]) {
+    const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
+    if (state.active[static_cast<std::size_t>(r)] && state.knows(ray) && ray.shape_px2.trace() > 0.0) rays.push_back(r);
+  }
+  if (rays.size() < kLeastImages) return std::nullopt;
+  return circle(survey, state, rays, *state.points[point]);
+}
+
 /// From the image of the circle's centre to the centre of its ellipse.
 std::optional<Eigen::Vector2d> eccentricity_px(const Survey& survey, const State& state, int image, const Vector3d& point,
                                                const Matrix3d& circle) {
@@ -88,14 +100,7 @@ std::optional<Eigen::Vector2d> eccentricity_px(const Survey& survey, const State
 double reduce_to_circle_centres(Survey& survey, const State& state) {
   double largest_px = 0.0;
   for (std::size_t p = 0; p < survey.ids.size(); ++p) {
-    if (!state.points[p]) continue;
-    std::vector<int> rays;
-    for (const int r : survey.rays_of_point[p]) {
-      const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
-      if (state.active[static_cast<std::size_t>(r)] && state.knows(ray) && ray.shape_px2.trace() > 0.0) rays.push_back(r);
-    }
-    if (rays.size() < kLeastImages) continue;
-    const auto seen = circle(survey, state, rays, *state.points[p]);
+    const auto seen = circle_of_point(survey, state, p);
     if (!seen) continue;
     for (const int r : survey.rays_of_point[p]) {
       Ray& ray = survey.rays[static_cast<std::size_t>(r)];
@@ -107,6 +112,18 @@ double reduce_to_circle_centres(Survey& survey, const State& state) {
     }
   }
   return largest_px;
+}
+
+std::optional<double> dot_diameter_mm(const Survey& survey, const State& state) {
+  std::vector<double> diameters;
+  for (std::size_t p = 0; p < survey.ids.size(); ++p) {
+    // r^2 (I - n n') has the trace 2 r^2.
+    if (const auto seen = circle_of_point(survey, state, p)) diameters.push_back(2.0 * std::sqrt(0.5 * seen->trace()));
+  }
+  if (diameters.empty()) return std::nullopt;
+  const auto middle = diameters.begin() + static_cast<std::ptrdiff_t>(diameters.size() / 2);
+  std::nth_element(diameters.begin(), middle, diameters.end());
+  return *middle;
 }
 
 }  // namespace crosstie::bundle::detail

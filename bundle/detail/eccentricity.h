@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "bundle/detail/state.h"
 #include "bundle/detail/survey.h"
 
@@ -18,5 +20,8 @@ namespace crosstie::bundle::detail {
 /// centres. The lens's distortion across one dot is not modelled (below 1e-3 px for dots below 50 px). Returns the largest
 /// eccentricity that was applied, in px.
 double reduce_to_circle_centres(Survey& survey, const State& state);
+
+/// Median diameter of the points' circles, by the same circles; nothing where none is determined.
+std::optional<double> dot_diameter_mm(const Survey& survey, const State& state);
 
 }  // namespace crosstie::bundle::detail

@@ -6,6 +6,7 @@
 
 #include "base/progress.h"
 #include "base/result.h"
+#include "bundle/detail/network_model.h"
 #include "bundle/detail/state.h"
 #include "math/normal_equations.h"
 
@@ -33,8 +34,9 @@ struct EstimateOptions {
   double tolerance = 1e-9;
 };
 
-/// The directions that no observation determines: 3 translations, 3 rotations, and the scale where no used bar takes part.
-Eigen::MatrixXd null_space(const NetworkModel& network);
+/// The directions that no observation determines. Image points leave 3 translations, 3 rotations and the scale (in that order, as
+/// columns); bars, control points and held coordinates, whose rows are `rows`, determine the scale, some of them, or all.
+Eigen::MatrixXd null_space(const NetworkModel& network, const math::WhitenedRows& rows);
 
 /// Minimises and moves `state` to the minimum. Gauss-Newton with the normal equations of math takes the last steps, so that the
 /// result is at the minimum to rounding whatever took the first ones, and its covariance belongs to that place.

@@ -47,7 +47,7 @@ class MeasurementCost final : public ceres::CostFunction {
     for (const int b : measurement.blocks()) {
       const Block& block = model.blocks[static_cast<std::size_t>(b)];
       mutable_parameter_block_sizes()->push_back(static_cast<int>(block.values.size()));
-      is_pose_.push_back(block.kind == Block::Kind::kPose);
+      is_pose_.push_back(block.is_pose());
     }
   }
 
@@ -170,7 +170,7 @@ Result<MinimiseSummary> solve(Model& model, const MinimiseOptions& options, cons
       problem.AddParameterBlock(values.back(), static_cast<int>(block.values.size()));
       if (block.free.empty()) {
         problem.SetParameterBlockConstant(values.back());
-      } else if (block.kind == Block::Kind::kPose) {
+      } else if (block.is_pose()) {
         problem.SetManifold(values.back(), &pose_manifold);
         ++poses;
       } else if (static_cast<int>(block.free.size()) < block.tangent_size()) {

@@ -1,5 +1,6 @@
 #include "bundle/detail/model.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -19,6 +20,8 @@ struct Scratch {
   std::vector<const double*> values;
   std::vector<std::vector<double>> jacobians;
   std::vector<double*> jacobian_pointers;
+  std::vector<int> free_blocks;
+  std::vector<int> sizes;
 
   void prepare(const Model& model, const Measurement& measurement) {
     values.clear();
@@ -47,7 +50,7 @@ Block pose_block(std::string name, const base::Pose& pose) {
 }
 
 Block point_block(std::string name, const Eigen::Vector3d& point) {
-  return {std::move(name), Block::Kind::kVector,        {point.x(), point.y(), point.z()}, {"x [mm]", "y [mm]", "z [mm]"},
+  return {std::move(name), Block::Kind::kPoint,         {point.x(), point.y(), point.z()}, {"x [mm]", "y [mm]", "z [mm]"},
           all_of(3),       math::BlockRole::kEliminated};
 }
 
@@ -76,31 +79,31 @@ math::Parameters Model::parameters() const {
 }
 
 bool Model::linearise(math::WhitenedRows& rows) const {
-  Scratch scratch;
-  std::vector<int> free_blocks;
-  std::vector<int> sizes;
-  for (const auto& measurement : measurements) {
-    scratch.prepare(*this, *measurement);
-    free_blocks.clear();
-    sizes.clear();
-    for (const int b : measurement->blocks()) {
-      const Block& block = blocks[static_cast<std::size_t>(b)];
-      if (block.free.empty()) continue;
-      free_blocks.push_back(b);
-      sizes.push_back(static_cast<int>(block.free.size()));
-    }
-    const int group = rows.add(measurement->rows(), free_blocks, sizes);
-    if (!measurement->evaluate(scratch.values.data(), rows.residual(group).data(), scratch.jacobian_pointers.data()))
-      return false;
-    std::size_t term = 0;
-    for (std::size_t i = 0; i < measurement->blocks().size(); ++i) {
-      const Block& block = blocks[static_cast<std::size_t>(measurement->blocks()[i])];
-      if (block.free.empty()) continue;
-      const Eigen::Map<const math::WhitenedRows::Matrix> all(scratch.jacobians[i].data(), measurement->rows(),
-                                                             block.tangent_size());
-      auto part = rows.jacobian(group, term++);
-      for (std::size_t k = 0; k < block.free.size(); ++k) part.col(static_cast<Eigen::Index>(k)) = all.col(block.free[k]);
-    }
+  return std::all_of(measurements.begin(), measurements.end(),
+                     [&](const auto& measurement) { return linearise(*measurement, rows); });
+}
+
+bool Model::linearise(const Measurement& measurement, math::WhitenedRows& rows) const {
+  thread_local Scratch scratch;
+  scratch.prepare(*this, measurement);
+  scratch.free_blocks.clear();
+  scratch.sizes.clear();
+  for (const int b : measurement.blocks()) {
+    const Block& block = blocks[static_cast<std::size_t>(b)];
+    if (block.free.empty()) continue;
+    scratch.free_blocks.push_back(b);
+    scratch.sizes.push_back(static_cast<int>(block.free.size()));
+  }
+  const int group = rows.add(measurement.rows(), scratch.free_blocks, scratch.sizes);
+  if (!measurement.evaluate(scratch.values.data(), rows.residual(group).data(), scratch.jacobian_pointers.data())) return false;
+  std::size_t term = 0;
+  for (std::size_t i = 0; i < measurement.blocks().size(); ++i) {
+    const Block& block = blocks[static_cast<std::size_t>(measurement.blocks()[i])];
+    if (block.free.empty()) continue;
+    const Eigen::Map<const math::WhitenedRows::Matrix> all(scratch.jacobians[i].data(), measurement.rows(),
+                                                           block.tangent_size());
+    auto part = rows.jacobian(group, term++);
+    for (std::size_t k = 0; k < block.free.size(); ++k) part.col(static_cast<Eigen::Index>(k)) = all.col(block.free[k]);
   }
   return true;
 }
@@ -123,7 +126,7 @@ void Model::move(const Eigen::VectorXd& step) {
     Eigen::VectorXd tangent = Eigen::VectorXd::Zero(block.tangent_size());
     for (const int i : block.free) tangent(i) = step(offset++);
     if (block.free.empty()) continue;
-    if (block.kind == Block::Kind::kPose) {
+    if (block.is_pose()) {
       pose_to_values(base::perturbed(pose_from_values(block.values.data()), tangent), block.values.data());
     } else {
       Eigen::Map<Eigen::VectorXd>(block.values.data(), block.tangent_size()) += tangent;

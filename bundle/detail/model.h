@@ -13,9 +13,10 @@
 namespace crosstie::bundle::detail {
 
 /// A block of unknowns with its present values. A vector's tangent is the vector itself; a pose is stored as qx qy qz qw tx ty
-/// tz and its tangent is the left perturbation [w rad, v mm] of base::Pose.
+/// tz and its tangent is the left perturbation [w rad, v mm] of base::Pose. A mount is the pose of a camera on its rig, which does
+/// not move with the network's frame.
 struct Block {
-  enum class Kind { kVector, kPose };
+  enum class Kind { kVector, kPoint, kPose, kMount };
 
   std::string name;
   Kind kind = Kind::kVector;
@@ -25,6 +26,7 @@ struct Block {
   math::BlockRole role = math::BlockRole::kKept;
 
   [[nodiscard]] int tangent_size() const { return static_cast<int>(components.size()); }
+  [[nodiscard]] bool is_pose() const { return kind == Kind::kPose || kind == Kind::kMount; }
 };
 
 [[nodiscard]] Block pose_block(std::string name, const base::Pose& pose);
@@ -68,6 +70,8 @@ struct Model {
   [[nodiscard]] math::Parameters parameters() const;
   /// All measurements at the present values, one group each in their order; false where one cannot be evaluated.
   [[nodiscard]] bool linearise(math::WhitenedRows& rows) const;
+  /// Appends one measurement of these blocks as a group.
+  [[nodiscard]] bool linearise(const Measurement& measurement, math::WhitenedRows& rows) const;
   /// v'Pv at the present values; infinite where a measurement cannot be evaluated.
   [[nodiscard]] double square_sum() const;
   /// Moves the free directions by a step over the full vector of `parameters()`.

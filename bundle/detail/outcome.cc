@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
@@ -24,7 +25,11 @@ std::string scale_name(const Survey& survey) {
   for (const Bar& bar : survey.bars) {
     if (bar.bar.role == base::ScaleBarRole::kDefines) return fmt::format("defined by {}-{}", bar.bar.id_a, bar.bar.id_b);
   }
-  return survey.scale_is_free ? "free" : "scale bars";
+  const bool bars = std::any_of(survey.bars.begin(), survey.bars.end(),
+                                [](const Bar& bar) { return bar.bar.role == base::ScaleBarRole::kUsed; });
+  if (!survey.control.empty()) return bars ? "control points and scale bars" : "control points";
+  if (survey.scale_is_free) return survey.datum.empty() ? "free" : "datum points";
+  return "scale bars";
 }
 
 /// Indices into the result's lists, -1 for what does not take part.
@@ -54,6 +59,64 @@ void add_cameras(const Survey& survey, const State& state, const Estimate& at, c
   }
 }
 
+/// Of an image's pose. On a rig network_from_camera = network_from_rig * rig_from_camera, so that
+/// delta = delta_rig + Ad(network_from_rig) delta_mount.
+base::Matrix6d pose_cofactors(const Survey& survey, const Estimate& at, const math::Cofactors& cofactors, std::size_t image) {
+  const int pose = at.network.image_block[image];
+  const int mount = survey.station_of_image[image] >= 0
+                        ? at.network.mount_block[static_cast<std::size_t>(survey.camera_of_image[image])]
+                        : -1;
+  if (mount < 0) return cofactors.block(pose, pose);
+  const base::Pose network_from_rig = pose_from_values(at.network.model.blocks[static_cast<std::size_t>(pose)].values.data());
+  Eigen::Matrix<double, 6, 12> jacobian;
+  jacobian << base::Matrix6d::Identity(), network_from_rig.adjoint();
+  const int blocks[] = {pose, mount};
+  return jacobian * cofactors.joint(blocks) * jacobian.transpose();
+}
+
+void add_rigs(const Survey& survey, const State& state, const Estimate& at, const math::Cofactors& cofactors, double variance,
+              AdjustedNetwork& result) {
+  for (std::size_t r = 0; r < survey.rigs.size(); ++r) {
+    base::AdjustedRig rig;
+    rig.name = survey.rigs[r].name;
+    for (const int camera : survey.rigs[r].cameras) {
+      const auto c = static_cast<std::size_t>(camera);
+      const int block = at.network.mount_block[c];
+      if (block < 0 && !survey.leads_rig(camera)) continue;
+      base::AdjustedMount mount{survey.cameras[c].name, state.mounts[c].value_or(base::Pose{})};
+      if (block >= 0) mount.cov = variance * cofactors.block(block, block);
+      rig.mounts.push_back(std::move(mount));
+    }
+    for (const Station& station : survey.stations) {
+      if (station.rig != static_cast<int>(r)) continue;
+      rig.stations += std::any_of(station.images.begin(), station.images.end(),
+                                  [&](int image) { return at.network.image_block[static_cast<std::size_t>(image)] >= 0; });
+    }
+    result.rigs.push_back(std::move(rig));
+  }
+}
+
+void add_control(const Survey& survey, const State& state, const Estimate& at, AdjustedNetwork& result) {
+  std::vector<double> w(survey.control.size(), 0.0);
+  for (int g = 0; g < at.rows.group_count(); ++g) {
+    const int control = at.network.control_of_group[static_cast<std::size_t>(g)];
+    if (control < 0) continue;
+    w[static_cast<std::size_t>(control)] =
+        standardised(at.rows.residual(g), at.residual_cofactors[static_cast<std::size_t>(g)]);
+  }
+  for (std::size_t c = 0; c < survey.control.size(); ++c) {
+    const Control& control = survey.control[c];
+    for (std::size_t k = 0; k < control.points.size(); ++k) {
+      const auto& adjusted = state.points[static_cast<std::size_t>(control.points[k])];
+      if (!adjusted) continue;
+      const auto at_point = 3 * static_cast<Eigen::Index>(k);
+      result.control.push_back({survey.ids[static_cast<std::size_t>(control.points[k])],
+                                *adjusted - control.xyz_mm.segment<3>(at_point), control.sigma_mm.segment<3>(at_point), w[c]});
+    }
+  }
+  std::sort(result.control.begin(), result.control.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+}
+
 Places add_images_and_points(const Survey& survey, const State& state, const Estimate& at, const math::Cofactors& cofactors,
                              double variance, AdjustedNetwork& result) {
   Places places{std::vector<int>(survey.images.size(), -1), std::vector<int>(survey.ids.size(), -1)};
@@ -65,7 +128,7 @@ Places add_images_and_points(const Survey& survey, const State& state, const Est
     image.name = survey.images[i];
     image.camera = survey.cameras[static_cast<std::size_t>(survey.camera_of_image[i])].name;
     image.network_from_camera = *state.poses[i];
-    image.cov = variance * cofactors.block(block, block);
+    image.cov = variance * pose_cofactors(survey, at, cofactors, i);
     result.images.push_back(std::move(image));
   }
   for (std::size_t p = 0; p < survey.ids.size(); ++p) {
@@ -155,10 +218,10 @@ void add_bars(const Survey& survey, const State& state, const Estimate& at, cons
 
 Result<AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& options, const State& state, const Estimate& at,
                                      const Weights& weights, const Reasons& reasons) {
-  auto cofactors = math::Cofactors::make(at.equations, datum_conditions(survey, at.network));
+  auto cofactors = math::Cofactors::make(at.equations, datum_conditions(survey, at.network, at.equations.null_space()));
   if (!cofactors) return fail(std::move(cofactors));
   AdjustedNetwork result;
-  result.datum = "inner constraints over all points";
+  result.datum = datum_name(survey, state, static_cast<int>(at.equations.null_space().cols()));
   result.scale = scale_name(survey);
   result.sigma0 = at.sigma0();
   result.sigma0_px = result.sigma0 * weights.unit_sigma_px(state.active);
@@ -169,13 +232,16 @@ Result<AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& 
   result.redundancy = at.redundancy;
   result.chi2_p = at.redundancy > 0 ? math::chi_square_two_sided(at.square_sum, at.redundancy) : 1.0;
   result.iterations = state.iterations;
+  std::tie(result.least_eigenvalue, result.weakest) = at.equations.weakest();
   // Without redundancy there is nothing to judge the a priori sigmas by: they are taken as they are.
   const double variance = at.redundancy > 0 ? result.sigma0 * result.sigma0 : 1.0;
 
   add_cameras(survey, state, at, *cofactors, variance, result);
   const Places places = add_images_and_points(survey, state, at, *cofactors, variance, result);
   add_residuals(survey, at, weights, places, result);
+  add_rigs(survey, state, at, *cofactors, variance, result);
   add_bars(survey, state, at, *cofactors, variance, result);
+  add_control(survey, state, at, result);
 
   const std::vector<double> w = standardised_of_rays(survey, state, at, weights);
   for (std::size_t r = 0; r < survey.rays.size(); ++r) {

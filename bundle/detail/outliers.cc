@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 
-#include "bundle/detail/image_point.h"
 #include "bundle/detail/triangulate.h"
 #include "math/cofactors.h"
 #include "math/distributions.h"
@@ -32,6 +31,21 @@ std::string lonely(const Survey& survey, const State& state, int point) {
     oriented += state.poses[static_cast<std::size_t>(survey.rays[static_cast<std::size_t>(r)].image)] ? 1 : 0;
   }
   return oriented < 2 ? "one ray only" : "its rays do not meet in one place";
+}
+
+/// Whether another image of the same station, with rays enough of its own, tells where this one stands.
+bool carried_by_rig(const Survey& survey, const State& state, int image) {
+  const int station = survey.station_of_image[static_cast<std::size_t>(image)];
+  const auto mounted = [&](int i) {
+    return state.mounts[static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(i)])].has_value();
+  };
+  if (station < 0 || !mounted(image)) return false;
+  const std::vector<int>& images = survey.stations[static_cast<std::size_t>(station)].images;
+  return std::any_of(images.begin(), images.end(), [&](int other) {
+    return other != image && mounted(other) && state.poses[static_cast<std::size_t>(other)] &&
+           static_cast<int>(active_rays(state, survey.rays_of_image[static_cast<std::size_t>(other)]).size()) >=
+               kLeastRaysOfImage;
+  });
 }
 
 double critical_value(const AdjustOptions& options, int redundancy) {
@@ -69,20 +83,12 @@ std::vector<double> standardised_of_rays(const Survey& survey, const State& stat
     const int image = at.network.image_block[static_cast<std::size_t>(ray.image)];
     const int point = at.network.point_block[static_cast<std::size_t>(ray.point)];
     if (state.active[r] || image < 0 || point < 0) continue;
-    const int camera =
-        at.network.camera_block[static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(ray.image)])];
-    Model one;
-    one.blocks = {at.network.model.blocks[static_cast<std::size_t>(camera)],
-                  at.network.model.blocks[static_cast<std::size_t>(image)],
-                  at.network.model.blocks[static_cast<std::size_t>(point)]};
-    one.measurements.push_back(std::make_unique<ImagePoint>(0, 1, 2, survey.lens(ray.image), ray.measured_px, whitening[r]));
     math::WhitenedRows row;
-    if (!one.linearise(row)) continue;
+    if (!at.network.model.linearise(*at.network.image_point(survey, static_cast<int>(r), whitening[r]), row)) continue;
     std::vector<int> blocks;
     Eigen::MatrixXd jacobian(2, 0);
-    const int all_blocks[] = {camera, image, point};
     for (std::size_t t = 0; t < row.terms(0).size(); ++t) {
-      blocks.push_back(all_blocks[row.terms(0)[t].block]);
+      blocks.push_back(row.terms(0)[t].block);
       const Eigen::Index before = jacobian.cols();
       jacobian.conservativeResize(2, before + row.terms(0)[t].size);
       jacobian.rightCols(row.terms(0)[t].size) = row.jacobian(0, t);
@@ -122,7 +128,8 @@ void prune(const Survey& survey, const AdjustOptions& options, State& state, Rea
     for (std::size_t i = 0; i < survey.images.size(); ++i) {
       if (!state.poses[i]) continue;
       const std::size_t count = active_rays(state, survey.rays_of_image[i]).size();
-      if (static_cast<int>(count) >= kLeastRaysOfImage) continue;
+      if (static_cast<int>(count) >= kLeastRaysOfImage || (count > 0 && carried_by_rig(survey, state, static_cast<int>(i))))
+        continue;
       state.poses[i].reset();
       reasons.image[i] =
           fmt::format("image not oriented: only {} usable markers, at least {} are needed", count, kLeastRaysOfImage);

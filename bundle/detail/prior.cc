@@ -3,11 +3,17 @@
 namespace crosstie::bundle::detail {
 
 bool Prior::evaluate(const double* const* values, double* residual, double* const* jacobians) const {
-  const Eigen::Map<const Eigen::VectorXd> x(values[0], mean_.size());
-  Eigen::Map<Eigen::VectorXd>(residual, whitening_.rows()) = whitening_ * (x - mean_);
-  if (jacobians != nullptr && jacobians[0] != nullptr) {
-    Eigen::Map<math::WhitenedRows::Matrix>(jacobians[0], whitening_.rows(), whitening_.cols()) = whitening_;
+  Eigen::VectorXd difference = -mean_;
+  Eigen::Index offset = 0;
+  for (std::size_t i = 0; i < sizes_.size(); ++i) {
+    difference.segment(offset, sizes_[i]) += Eigen::Map<const Eigen::VectorXd>(values[i], sizes_[i]);
+    if (jacobians != nullptr && jacobians[i] != nullptr) {
+      Eigen::Map<math::WhitenedRows::Matrix>(jacobians[i], whitening_.rows(), sizes_[i]) =
+          whitening_.middleCols(offset, sizes_[i]);
+    }
+    offset += sizes_[i];
   }
+  Eigen::Map<Eigen::VectorXd>(residual, whitening_.rows()) = whitening_ * difference;
   return true;
 }
 

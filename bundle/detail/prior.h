@@ -6,16 +6,19 @@
 
 namespace crosstie::bundle::detail {
 
-/// Values of a vector block known beforehand: residual = whitening * (x - mean), whitening' whitening = covariance^-1.
+/// Values of vector blocks known beforehand: residual = whitening * (x - mean), x the blocks' values one after the other,
+/// whitening' whitening the pseudo-inverse of their covariance.
 class Prior final : public Measurement {
  public:
-  Prior(int block, Eigen::VectorXd mean, Eigen::MatrixXd whitening)
-      : Measurement({block}), mean_(std::move(mean)), whitening_(std::move(whitening)) {}
+  /// `sizes` are those of the blocks; their sum is that of `mean` and of the columns of `whitening`.
+  Prior(std::vector<int> blocks, std::vector<int> sizes, Eigen::VectorXd mean, Eigen::MatrixXd whitening)
+      : Measurement(std::move(blocks)), sizes_(std::move(sizes)), mean_(std::move(mean)), whitening_(std::move(whitening)) {}
 
   [[nodiscard]] int rows() const override { return static_cast<int>(whitening_.rows()); }
   bool evaluate(const double* const* values, double* residual, double* const* jacobians) const override;
 
  private:
+  std::vector<int> sizes_;
   Eigen::VectorXd mean_;
   Eigen::MatrixXd whitening_;
 };

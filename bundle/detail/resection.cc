@@ -7,6 +7,7 @@
 
 #include "bundle/detail/minimal_solvers.h"
 #include "bundle/detail/minimise.h"
+#include "bundle/detail/network_model.h"
 #include "bundle/detail/sampling.h"
 
 namespace crosstie::bundle::detail {
@@ -39,7 +40,7 @@ void refine(const Survey& survey, State& state, int image, const std::vector<int
   NetworkModel network = build_model(survey, alone, plan);
   if (network.model.measurements.empty()) return;
   if (!minimise(network.model, {.max_iterations = 30, .robust_scale = 0.3 * tolerance_px, .function_tolerance = 1e-6})) return;
-  read_back(network, alone);
+  read_back(survey, network, alone);
   state.poses[static_cast<std::size_t>(image)] = alone.poses[static_cast<std::size_t>(image)];
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "bundle/detail/minimise.h"
+#include "bundle/detail/network_model.h"
 #include "bundle/detail/resection.h"
 #include "bundle/detail/triangulate.h"
 #include "bundle/detail/two_view.h"
@@ -90,6 +91,34 @@ std::vector<Pair> starting_pairs(const Survey& survey, const State& state,
   return chosen;
 }
 
+/// How far the parameters of a lens may lie from their start values.
+Eigen::VectorXd start_sigmas(const base::Camera& start) {
+  constexpr double kFocal = 0.1;    // of itself
+  constexpr double kCentre = 0.03;  // of the image's longer side
+  constexpr double kRadial = 0.3;   // in units of the focal length, as are the next
+  constexpr double kTangential = 0.02;
+  const Eigen::VectorXd& p = start.parameters();
+  if (start.model() == base::LensModel::kAicon) {
+    const double c = p(0);
+    Eigen::VectorXd sigma = Eigen::VectorXd::Zero(p.size());
+    sigma.head<10>() << kFocal * c, Eigen::Vector2d::Constant(kCentre * p.segment<2>(11).maxCoeff()), kRadial / std::pow(c, 2),
+        kRadial / std::pow(c, 4), kRadial / std::pow(c, 6), Eigen::Vector2d::Constant(kTangential / c),
+        Eigen::Vector2d::Constant(kTangential);
+    return sigma;
+  }
+  Eigen::VectorXd sigma = Eigen::VectorXd::Constant(p.size(), kRadial);
+  sigma.head<2>() = kFocal * p.head<2>();
+  sigma.segment<2>(2).setConstant(kCentre * std::max(start.width_px(), start.height_px()));
+  if (p.size() > 6) sigma.segment<2>(6).setConstant(kTangential);
+  return sigma;
+}
+
+/// Focal length and first radial term, which few images can tell.
+bool told_early(base::LensModel model, int parameter) {
+  if (model == base::LensModel::kAicon) return parameter == 0 || parameter == 3;
+  return parameter < 2 || parameter == 4;
+}
+
 /// One attempt at building the network up from a pair of images.
 class Growth {
  public:
@@ -97,7 +126,7 @@ class Growth {
          const base::Progress& progress)
       : survey_(survey), options_(options), free_lens_(free_lens), progress_(progress), state_(start_state(survey)) {
     double focal = 0.0;
-    for (const Eigen::VectorXd& lens : state_.lenses) focal = std::max(focal, lens(0));
+    for (const base::NetworkCamera& camera : survey.cameras) focal = std::max(focal, camera.camera.focal_px().maxCoeff());
     widest_px_ = kLensTolerance * focal;
     tolerance_px_ = widest_px_;
   }
@@ -111,6 +140,9 @@ class Growth {
     triangulate(Which::kAll);
     return known_points() >= kLeastCommon && settle();
   }
+
+  /// Takes over a network that was found otherwise.
+  void adopt(const State& state) { state_ = state; }
 
   /// Orients all images that can be; false where it was cancelled or fell apart.
   bool run() {
@@ -240,16 +272,10 @@ class Growth {
       const base::Camera& start = survey_.cameras[c].camera;
       std::vector<int> free;
       for (const int k : free_lens_[c]) {
-        const bool focal_or_k1 = k < 2 || k == 4;
-        if (images[c] >= 6 || (images[c] >= 3 && focal_or_k1)) free.push_back(k);
+        if (images[c] >= 6 || (images[c] >= 3 && told_early(start.model(), k))) free.push_back(k);
       }
-      const auto count = start.parameters().size();
-      Eigen::VectorXd sigma = Eigen::VectorXd::Constant(count, 0.3);
-      sigma.head<2>() = 0.1 * start.parameters().head<2>();
-      sigma.segment<2>(2).setConstant(0.03 * std::max(start.width_px(), start.height_px()));
-      if (count > 6) sigma.segment<2>(6).setConstant(0.02);
       plan.free_lens.push_back(std::move(free));
-      plan.lens_prior.emplace_back(sigma.cwiseAbs2().asDiagonal());
+      plan.lens_prior.emplace_back(start_sigmas(start).cwiseAbs2().asDiagonal());
       plan.lens_mean.push_back(start.parameters());
     }
     return plan;
@@ -271,7 +297,7 @@ class Growth {
                               .robust_scale = std::max(0.2, 2.0 * before),
                               .function_tolerance = 1e-6};
     if (!minimise(network.model, how, progress_)) return false;
-    read_back(network, state_);
+    read_back(survey_, network, state_);
     directions_ = ray_directions(survey_, state_);
     const double sigma = robust_sigma_px(survey_, state_);
     tolerance_px_ = std::clamp(8.0 * sigma, lens_is_free ? 1.0 : 0.3 * widest_px_, widest_px_);
@@ -347,6 +373,50 @@ Result<State> orient(const Survey& survey, const AdjustOptions& options, const s
         "them from different places (and check the focal length and the marker family)");
   }
   return *best;
+}
+
+std::optional<State> from_start_values(const Survey& survey, const AdjustOptions& options,
+                                       const std::vector<std::vector<int>>& free_lens, const base::Progress& progress) {
+  constexpr int kMaxRounds = 10;
+  constexpr double kStillFalling = 0.7;
+  State state = start_state(survey);
+  for (std::size_t i = 0; i < survey.images.size(); ++i) {
+    if (!survey.start_poses[i] && !survey.rays_of_image[i].empty()) return std::nullopt;
+    state.poses[i] = survey.start_poses[i];
+  }
+  const auto directions = ray_directions(survey, state);
+  for (std::size_t p = 0; p < survey.ids.size(); ++p) {
+    state.points[p] = survey.start_points[p];
+    if (state.points[p]) continue;
+    std::vector<Eigen::Vector3d> origins;
+    std::vector<Eigen::Vector3d> sights;
+    for (const int r : survey.rays_of_point[p]) {
+      const auto& direction = directions[static_cast<std::size_t>(r)];
+      if (!direction) continue;
+      const base::Pose& pose = *state.poses[static_cast<std::size_t>(survey.rays[static_cast<std::size_t>(r)].image)];
+      origins.push_back(pose.translation_mm);
+      sights.emplace_back(pose.rotation * *direction);
+    }
+    if (origins.size() > 1) state.points[p] = nearest_point(origins, sights);
+  }
+  Growth growth(survey, options, free_lens, progress);
+  growth.adopt(state);
+  if (growth.good()) return state;
+  // Far off: with the lenses as they are, and whatever does not fit counting less and less.
+  double before = robust_sigma_px(survey, state);
+  for (int round = 0; round < kMaxRounds && std::isfinite(before); ++round) {
+    NetworkModel network = build_model(survey, state, {});
+    const MinimiseOptions how{
+        .max_iterations = options.max_iterations, .robust_scale = 2.0 * before, .function_tolerance = 1e-4};
+    if (!minimise(network.model, how, progress)) return std::nullopt;
+    read_back(survey, network, state);
+    const double after = robust_sigma_px(survey, state);
+    if (after > kStillFalling * before) break;
+    before = after;
+  }
+  growth.adopt(state);
+  if (growth.good() || (growth.run() && growth.good())) return growth.state();
+  return std::nullopt;
 }
 
 Result<> check_connection(const Survey& survey) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,11 @@ namespace crosstie::bundle::detail {
 /// `free_lens` are the parameters that the adjustment will estimate in the end, for each camera.
 base::Result<State> orient(const Survey& survey, const AdjustOptions& options, const std::vector<std::vector<int>>& free_lens,
                            const base::Progress& progress);
+
+/// The network at the start values that were given, brought near its minimum; points without any are triangulated. Nothing where
+/// an image has none, or where they lead to no minimum that explains nearly everything.
+std::optional<State> from_start_values(const Survey& survey, const AdjustOptions& options,
+                                       const std::vector<std::vector<int>>& free_lens, const base::Progress& progress);
 
 /// Robust sigma of an image coordinate [px]: 1.4826 times the median of the absolute residuals of the active rays.
 double robust_sigma_px(const Survey& survey, const State& state);

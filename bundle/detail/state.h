@@ -6,7 +6,6 @@
 #include <Eigen/Core>
 
 #include "base/pose.h"
-#include "bundle/detail/model.h"
 #include "bundle/detail/survey.h"
 
 namespace crosstie::bundle::detail {
@@ -15,6 +14,7 @@ namespace crosstie::bundle::detail {
 struct State {
   std::vector<Eigen::VectorXd> lenses;                 ///< parameters of each camera
   std::vector<std::optional<base::Pose>> poses;        ///< network_from_camera of each image that is oriented
+  std::vector<std::optional<base::Pose>> mounts;       ///< rig_from_camera of each camera on a rig, where known
   std::vector<std::optional<Eigen::Vector3d>> points;  ///< in network, of each point that is known
   int iterations = 0;                                  ///< that it took to get here from the start values
   std::vector<char> active;                            ///< of each ray: whether it takes part
@@ -38,29 +38,5 @@ double distance_px(const Survey& survey, const State& state, const Ray& ray);
 void rescale(State& state, double scale);
 /// Moves poses and points into another frame.
 void transform(State& state, const base::Pose& other_from_network);
-
-/// What takes part in a model and how.
-struct ModelPlan {
-  std::vector<std::vector<int>> free_lens;  ///< of each camera: the parameters that are estimated
-  std::vector<Eigen::Matrix2d> whitening;   ///< of each ray; empty: identity, so that residuals are in px
-  bool used_bars = false;                   ///< observe the bars with role used
-  bool hold_points = false;
-  bool hold_poses = false;
-  std::vector<std::optional<Eigen::MatrixXd>> lens_prior;  ///< covariance about `lens_mean` of each camera, or empty
-  std::vector<Eigen::VectorXd> lens_mean;
-};
-
-/// A model with its links to the survey. Block and group numbers are -1 where something does not take part.
-struct NetworkModel {
-  Model model;
-  std::vector<int> camera_block;
-  std::vector<int> image_block;
-  std::vector<int> point_block;
-  std::vector<int> ray_of_group;  ///< index of the ray of each measurement, -1 for others
-  std::vector<int> bar_of_group;  ///< index of the bar of each measurement, -1 for others
-};
-
-NetworkModel build_model(const Survey& survey, const State& state, const ModelPlan& plan);
-void read_back(const NetworkModel& network, State& state);
 
 }  // namespace crosstie::bundle::detail

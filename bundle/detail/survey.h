@@ -1,11 +1,14 @@
 #pragma once
 
+#include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "base/network.h"
+#include "base/pose.h"
 #include "base/result.h"
 
 namespace crosstie::bundle::detail {
@@ -30,6 +33,33 @@ struct Bar {
   base::ScaleBar bar;
 };
 
+/// The images that the cameras of a rig took at one moment.
+struct Station {
+  std::string name;  ///< of its first image
+  int rig = 0;
+  std::vector<int> images;  ///< in the order of the rig's cameras
+};
+
+struct Rig {
+  std::string name;
+  std::vector<int> cameras;
+};
+
+/// A control group, reduced to the points of the survey.
+struct Control {
+  std::vector<int> points;
+  Eigen::VectorXd xyz_mm;
+  Eigen::VectorXd sigma_mm;
+  std::vector<std::array<bool, 3>> held;  ///< the coordinates without variance
+  Eigen::MatrixXd whitening;  ///< of the coordinates that are not held, columns of held ones zero; no rows: none is observed
+};
+
+struct Datum {
+  int point = 0;
+  Eigen::Vector3d xyz_mm = Eigen::Vector3d::Zero();
+  std::array<bool, 3> axes = {true, true, true};
+};
+
 /// A network made ready for computing: checked, sorted, and with indices in place of names.
 struct Survey {
   std::vector<base::NetworkCamera> cameras;  ///< sorted by name
@@ -39,10 +69,26 @@ struct Survey {
   std::vector<Ray> rays;  ///< by image, then point
   std::vector<std::vector<int>> rays_of_image;
   std::vector<std::vector<int>> rays_of_point;
+  std::vector<Rig> rigs;
+  std::vector<int> rig_of_camera;     ///< -1: it stands alone
+  std::vector<int> station_of_image;  ///< -1: of a camera that stands alone
+  std::vector<Station> stations;
   std::vector<Bar> bars;
+  std::vector<Control> control;
+  std::vector<Datum> datum;
+  std::vector<std::optional<base::Pose>> start_poses;        ///< of each image
+  std::vector<std::optional<Eigen::Vector3d>> start_points;  ///< of each point
   bool scale_is_free = false;
+  std::optional<double> dot_diameter_mm;
   std::vector<base::Warning> warnings;
 
+  /// The first camera of a rig, whose frame is the rig's.
+  [[nodiscard]] bool leads_rig(int camera) const {
+    const int rig = rig_of_camera[static_cast<std::size_t>(camera)];
+    return rig >= 0 && rigs[static_cast<std::size_t>(rig)].cameras.front() == camera;
+  }
+  /// Index of a point by its id, -1 where no image shows it.
+  [[nodiscard]] int point_of(int id) const;
   [[nodiscard]] base::LensModel lens(int image) const {
     return cameras[static_cast<std::size_t>(camera_of_image[static_cast<std::size_t>(image)])].camera.model();
   }

@@ -293,5 +293,35 @@ TEST(Camera, ModelsHaveMrcalsNames) {
   EXPECT_EQ(parameter_names(LensModel::kOpenCv12)[8], "k3");
 }
 
+TEST(Camera, AiconsModelIsTheFormulaOfItsFilesOnTheSensor) {
+  // Written out in mm with y up and an image that lies behind the camera's -z, as the .ior and .eor files mean it.
+  const double c = 28.785, xh = 0.0173, yh = 0.0567, a1 = -1.096e-4, a2 = 1.496e-7, a3 = -3e-11, b1 = 5.8e-6, b2 = -8.6e-6,
+               c1 = -7.0e-5, c2 = -3.1e-5, r0 = 13.488;
+  Eigen::VectorXd p(15);
+  p << c, xh, yh, a1, a2, a3, b1, b2, c1, c2, r0, 35.968, 23.979, 8688.0, 5792.0;
+  const auto camera = Camera::make(LensModel::kAicon, 8688, 5792, p);
+  ASSERT_TRUE(camera) << camera.error().message;
+  for (const Eigen::Vector3d& k : {Eigen::Vector3d(0.0, 0.0, -1.0), Eigen::Vector3d(400.0, -250.0, -1000.0),
+                                   Eigen::Vector3d(-600.0, 410.0, -1010.0), Eigen::Vector3d(-30.0, -405.0, -990.0)}) {
+    const double xs = -c * k.x() / k.z();
+    const double ys = -c * k.y() / k.z();
+    const double r2 = xs * xs + ys * ys;
+    const double dr = a1 * (r2 - r0 * r0) + a2 * (r2 * r2 - std::pow(r0, 4)) + a3 * (r2 * r2 * r2 - std::pow(r0, 6));
+    const double x = xh + xs + xs * dr + b1 * (r2 + 2.0 * xs * xs) + 2.0 * b2 * xs * ys + c1 * xs + c2 * ys;
+    const double y = yh + ys + ys * dr + b2 * (r2 + 2.0 * ys * ys) + 2.0 * b1 * xs * ys;
+    const Eigen::Vector2d expected(4343.5 + x * 8688.0 / 35.968, 2895.5 - y * 5792.0 / 23.979);
+    const Eigen::Vector3d in_camera(k.x(), -k.y(), -k.z());  // ours: y down, z forwards
+    const auto pixel = camera->project(in_camera);
+    ASSERT_TRUE(pixel);
+    EXPECT_LT((*pixel - expected).norm(), 1e-9) << k.transpose();
+    const auto ray = camera->unproject(*pixel);
+    ASSERT_TRUE(ray);
+    EXPECT_LT((*ray - in_camera.normalized()).norm(), 1e-12);
+  }
+  EXPECT_NEAR(camera->focal_px().x(), c * 8688.0 / 35.968, 1e-9);
+  p(13) = 4344.0;
+  EXPECT_FALSE(Camera::make(LensModel::kAicon, 8688, 5792, p));
+}
+
 }  // namespace
 }  // namespace crosstie::base

@@ -42,23 +42,55 @@ void expect_true_jacobians(Model& model) {
   EXPECT_EQ(rows.row_count(), measurement.rows());
 }
 
-TEST(Jacobians, ImagePoint) {
-  for (const base::LensModel lens : {base::LensModel::kPinhole, base::LensModel::kOpenCv5, base::LensModel::kOpenCv12}) {
-    Eigen::VectorXd parameters = 0.01 * Eigen::VectorXd::LinSpaced(base::parameter_count(lens), 1.0, 2.0);
+/// A lens with all its parameters at work.
+Eigen::VectorXd lens_parameters(base::LensModel lens) {
+  Eigen::VectorXd parameters = 0.01 * Eigen::VectorXd::LinSpaced(base::parameter_count(lens), 1.0, 2.0);
+  if (lens == base::LensModel::kAicon) {
+    parameters << 24.0, 0.2, -0.1, -1.2e-4, 2e-7, 3e-10, 6e-6, -8e-6, 1e-4, -2e-4, 9.0, 23.5, 15.6, 2000.0, 1330.0;
+  } else {
     parameters.head<4>() << 2100.0, 2090.0, 990.0, 660.0;
-    Model model;
-    Block camera{"camera", Block::Kind::kVector, {parameters.data(), parameters.data() + parameters.size()}, {}, {}, {}};
-    for (int i = 0; i < parameters.size(); ++i) {
-      camera.components.emplace_back(base::parameter_names(lens)[static_cast<std::size_t>(i)]);
-      if (i != 1) camera.free.push_back(i);  // one held: the others must keep their columns
+  }
+  return parameters;
+}
+
+/// One image point of a camera that stands alone, or that sits on a rig.
+Model image_point_model(base::LensModel lens, bool mounted) {
+  const Eigen::VectorXd parameters = lens_parameters(lens);
+  Model model;
+  Block camera{"camera", Block::Kind::kVector, {parameters.data(), parameters.data() + parameters.size()}, {}, {}, {}};
+  for (int i = 0; i < parameters.size(); ++i) {
+    camera.components.emplace_back(base::parameter_names(lens)[static_cast<std::size_t>(i)]);
+    if (i != 1 && i < base::adjustable_count(lens)) camera.free.push_back(i);  // one held: the others must keep their columns
+  }
+  model.add(camera);
+  const base::Pose rig_from_camera =
+      mounted ? base::Pose{base::rotation_exp({0.02, -0.2, 0.05}), {80.0, 4.0, -7.0}} : base::Pose{};
+  const base::Pose network_from_camera = tests::looking_at({400.0, -300.0, 1100.0}, {20.0, 30.0, 0.0}, 0.7);
+  model.add(pose_block("image", network_from_camera * rig_from_camera.inverse()));
+  model.add(point_block("point", {120.0, 80.0, -40.0}));
+  Block mount = pose_block("mount", rig_from_camera);
+  mount.kind = Block::Kind::kMount;
+  if (mounted) model.add(mount);
+  Eigen::Matrix2d whitening;
+  whitening << 30.0, 0.0, -8.0, 45.0;
+  model.measurements.push_back(std::make_unique<ImagePoint>(ImagePoint::Blocks{0, 1, 2, mounted ? 3 : -1}, lens,
+                                                            Eigen::Vector2d(1000.0, 700.0), whitening));
+  return model;
+}
+
+TEST(Jacobians, ImagePoint) {
+  for (const base::LensModel lens :
+       {base::LensModel::kPinhole, base::LensModel::kOpenCv5, base::LensModel::kOpenCv12, base::LensModel::kAicon}) {
+    for (const bool mounted : {false, true}) {
+      Model model = image_point_model(lens, mounted);
+      expect_true_jacobians(model);
     }
-    model.add(camera);
-    model.add(pose_block("image", tests::looking_at({400.0, -300.0, 1100.0}, {20.0, 30.0, 0.0}, 0.7)));
-    model.add(point_block("point", {120.0, 80.0, -40.0}));
-    Eigen::Matrix2d whitening;
-    whitening << 30.0, 0.0, -8.0, 45.0;
-    model.measurements.push_back(std::make_unique<ImagePoint>(0, 1, 2, lens, Eigen::Vector2d(1000.0, 700.0), whitening));
-    expect_true_jacobians(model);
+  }
+}
+
+TEST(Jacobians, AMountedCameraSeesWhatOneOfItsOwnPoseSees) {
+  for (const base::LensModel lens : {base::LensModel::kOpenCv5, base::LensModel::kAicon}) {
+    EXPECT_NEAR(image_point_model(lens, true).square_sum() / image_point_model(lens, false).square_sum(), 1.0, 1e-12);
   }
 }
 
@@ -76,7 +108,18 @@ TEST(Jacobians, Prior) {
   model.add(block);
   Eigen::MatrixXd whitening(2, 3);
   whitening << 2.0, 0.0, 0.0, -1.0, 0.0, 5.0;
-  model.measurements.push_back(std::make_unique<Prior>(0, Eigen::Vector3d(0.5, 2.0, 3.5), whitening));
+  model.measurements.push_back(
+      std::make_unique<Prior>(std::vector<int>{0}, std::vector<int>{3}, Eigen::Vector3d(0.5, 2.0, 3.5), whitening));
+  expect_true_jacobians(model);
+}
+
+TEST(Jacobians, PriorOfTwoPoints) {
+  Model model;
+  model.add(point_block("a", {120.0, 80.0, -40.0}));
+  model.add(point_block("b", {-300.0, 20.0, 75.0}));
+  const Eigen::MatrixXd whitening = Eigen::MatrixXd::Random(4, 6);
+  model.measurements.push_back(std::make_unique<Prior>(std::vector<int>{0, 1}, std::vector<int>{3, 3},
+                                                       Eigen::VectorXd::LinSpaced(6, -1.0, 1.0), whitening));
   expect_true_jacobians(model);
 }
 
@@ -89,7 +132,7 @@ TEST(Jacobians, TheNullSpaceIsOne) {
   for (std::size_t i = 0; i < state.poses.size(); ++i) state.poses[i] = synthetic.network_from_camera[i];
   for (std::size_t p = 0; p < state.points.size(); ++p) state.points[p] = synthetic.points[p];
   NetworkModel network = build_model(*survey, state, {});
-  const Eigen::MatrixXd directions = null_space(network);
+  const Eigen::MatrixXd directions = null_space(network, {});
   ASSERT_EQ(directions.cols(), 7);
   const auto residuals = [&](const NetworkModel& at) {
     math::WhitenedRows rows;
