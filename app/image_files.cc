@@ -48,6 +48,24 @@ bool fits_pattern(std::string_view name, std::string_view pattern) {
   return pattern.find_first_not_of('*', p) == std::string_view::npos;
 }
 
+std::string wildcard_text(std::string_view name, std::string_view pattern) {
+  std::string text;
+  while (!pattern.empty() && !name.empty()) {
+    if (pattern.front() == '*') {
+      pattern.remove_prefix(1);
+      while (!name.empty() && !fits_pattern(name, pattern)) {
+        text += name.front();
+        name.remove_prefix(1);
+      }
+      continue;
+    }
+    if (pattern.front() == '?') text += name.front();
+    pattern.remove_prefix(1);
+    name.remove_prefix(1);
+  }
+  return text;
+}
+
 Result<std::vector<fs::path>> match_files(const fs::path& pattern) {
   const fs::path folder = pattern.has_parent_path() ? pattern.parent_path() : fs::path(".");
   const std::string name = pattern.filename().string();

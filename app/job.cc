@@ -24,21 +24,22 @@ constexpr std::string_view kFormat = "crosstie-job/1";
 const std::map<std::string, std::vector<std::string>>& known_keys() {
   static const std::map<std::string, std::vector<std::string>> keys = {
       {"",
-       {"format", "name", "markers", "board", "camera", "network", "cross", "machine", "station", "hole", "reference",
+       {"format", "name", "markers", "board", "camera", "rig", "network", "cross", "machine", "station", "hole", "reference",
         "limits"}},
       {"markers", {"family", "dot_diameter_mm", "thickness_mm", "ids", "exclude_ids"}},
       {"board", {"corners", "pitch_mm"}},
       {"camera",
-       {"board_images", "model", "focal_mm", "sensor_width_mm", "focal_px", "temperature_c", "lens", "estimate",
-        "white_level"}},
-      {"network", {"images", "scale_bars", "scale_from", "scale"}},
+       {"board_images", "model", "focal_mm", "sensor_width_mm", "focal_px", "temperature_c", "lens", "estimate", "white_level",
+        "fixed", "sigmas"}},
+      {"rig", {"name", "cameras"}},
+      {"network", {"images", "scale_bars", "scale_from", "scale", "control", "datum"}},
       {"cross", {"points", "spheres", "temperature_c", "cte_per_k"}},
       {"machine", {"probed_spheres", "temperature_c"}},
       {"station", {"name", "axis_mm", "cross", "scan"}},
       {"hole", {"nominal", "nominal_frame", "markers"}},
       {"reference", {"points", "surface", "unit"}},
       {"limits",
-       {"sigma0_px", "scale_bar_w", "point_sigma_mm", "deviation_rms_mm", "deviation_max_mm", "length_mpe_a_mm",
+       {"sigma0_px", "scale_bar_w", "control_w", "point_sigma_mm", "deviation_rms_mm", "deviation_max_mm", "length_mpe_a_mm",
         "length_mpe_k"}},
   };
   return keys;
@@ -122,6 +123,17 @@ class Reader {
     complain(node, fmt::format("{} must be true or false", key));
   }
 
+  void texts(const toml::table& table, const char* key, std::vector<std::string>& value) {
+    const toml::node* node = table.get(key);
+    if (node == nullptr) return;
+    const toml::array* list = node->as_array();
+    if (list == nullptr) return complain(node, fmt::format("{} must be a list of texts in quotes", key));
+    for (const toml::node& item : *list) {
+      if (!item.is_string()) return complain(&item, fmt::format("{} must be a list of texts in quotes", key));
+      value.push_back(item.as_string()->get());
+    }
+  }
+
   void ids(const toml::table& table, const char* key, IdRanges& value) {
     const toml::node* node = table.get(key);
     if (node == nullptr) return;
@@ -162,6 +174,15 @@ void read_cameras(Reader& reader, const toml::table& root, Job& job) {
     reader.number(*table, "white_level", camera.white_level);
     reader.text(*table, "lens", camera.lens);
     reader.flag(*table, "estimate", camera.estimate);
+    reader.texts(*table, "fixed", camera.fixed);
+    if (const toml::table* sigmas = reader.table(*table, "sigmas")) {
+      for (const auto& [parameter, sigma] : *sigmas) {
+        std::optional<double> value;
+        reader.number(*sigmas, parameter.data(), value, false);
+        if (value && *value < 0.0) reader.complain(&sigma, "a sigma is 0 or larger");
+        if (value) camera.sigmas[std::string(parameter.str())] = *value;
+      }
+    }
     if (camera.focal_mm.has_value() != camera.sensor_width_mm.has_value()) {
       reader.complain(table, fmt::format("[camera.{}] needs focal_mm and sensor_width_mm together", key.str()));
     }
@@ -176,6 +197,17 @@ void read_cameras(Reader& reader, const toml::table& root, Job& job) {
     }
     job.cameras.emplace(std::string(key.str()), std::move(camera));
   }
+}
+
+void read_rig(Reader& reader, const toml::table& root, Job& job) {
+  const toml::table* table = reader.table(root, "rig");
+  if (table == nullptr) return;
+  reader.check_keys(*table, "rig");
+  JobRig rig;
+  reader.text(*table, "name", rig.name);
+  reader.texts(*table, "cameras", rig.cameras);
+  if (rig.cameras.size() < 2) reader.complain(table, "[rig] needs cameras = [\"LEFT\", \"RIGHT\"], two or more");
+  job.rig = std::move(rig);
 }
 
 void read_scale_from(Reader& reader, const toml::table& table, JobNetwork& network) {
@@ -213,6 +245,11 @@ void read_network(Reader& reader, const toml::table& root, Job& job) {
   reader.text(*table, "scale", scale);
   if (!scale.empty() && scale != "free") reader.complain(table->get("scale"), "scale can only be \"free\"");
   network.scale_is_free = scale == "free";
+  reader.path(*table, "control", network.control);
+  reader.path(*table, "datum", network.datum);
+  if (network.control && network.datum) {
+    reader.complain(table->get("datum"), "control points define the frame already: give datum or control, not both");
+  }
   job.network = std::move(network);
 }
 
@@ -222,6 +259,7 @@ void read_limits(Reader& reader, const toml::table& root, JobLimits& limits) {
   reader.check_keys(*table, "limits");
   reader.number(*table, "sigma0_px", limits.sigma0_px);
   reader.number(*table, "scale_bar_w", limits.scale_bar_w);
+  reader.number(*table, "control_w", limits.control_w);
   reader.number(*table, "point_sigma_mm", limits.point_sigma_mm);
   reader.number(*table, "deviation_rms_mm", limits.deviation_rms_mm);
   reader.number(*table, "deviation_max_mm", limits.deviation_max_mm);
@@ -262,6 +300,7 @@ void read_root(Reader& reader, const toml::table& root, Job& job) {
     reader.ids(*markers, "exclude_ids", job.exclude_ids);
   }
   read_cameras(reader, root, job);
+  read_rig(reader, root, job);
   read_network(reader, root, job);
   if (const toml::table* reference = reader.table(root, "reference")) {
     reader.check_keys(*reference, "reference");
@@ -274,8 +313,13 @@ void read_root(Reader& reader, const toml::table& root, Job& job) {
   if (job.network && job.network->scale_from && !job.reference_points) {
     reader.complain(&root, "[network] scale_from takes a distance of the reference, but there is no [reference] points");
   }
-  if (job.network && job.network->scale_is_free && (job.network->scale_bars || job.network->scale_from)) {
-    reader.complain(&root, "[network] scale = \"free\" contradicts scale_bars and scale_from");
+  if (job.network && job.network->scale_is_free &&
+      (job.network->scale_bars || job.network->scale_from || job.network->control)) {
+    reader.complain(&root, "[network] scale = \"free\" contradicts scale_bars, scale_from and control");
+  }
+  for (const std::string& camera : job.rig ? job.rig->cameras : std::vector<std::string>{}) {
+    if (!job.cameras.contains(camera))
+      reader.complain(root.get("rig"), fmt::format("[rig] names the camera {}, which the job does not have", camera));
   }
 }
 

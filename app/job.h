@@ -30,10 +30,12 @@ struct JobCamera {
   std::optional<std::filesystem::path> model;  ///< a .cameramodel or OpenCV YAML; else a nominal focal length:
   std::optional<double> focal_mm;              ///< with sensor_width_mm
   std::optional<double> sensor_width_mm;
-  std::optional<double> focal_px;     ///< else from the photographs' EXIF data
-  std::string lens = "opencv5";       ///< model of a camera without a file: pinhole, opencv4, opencv5, opencv8, opencv12
-  bool estimate = true;               ///< false: the parameters of `model` are taken as they are
-  std::optional<double> white_level;  ///< grey level of a saturated pixel, where it is not the file format's
+  std::optional<double> focal_px;        ///< else from the photographs' EXIF data
+  std::string lens = "opencv5";          ///< model of a camera without a file: pinhole, opencv4, opencv5, opencv8, opencv12
+  bool estimate = true;                  ///< false: the parameters of `model` are taken as they are
+  std::vector<std::string> fixed;        ///< parameters that stay at their start values, such as "k3"
+  std::map<std::string, double> sigmas;  ///< prior sigma of parameters, in their units; 0 holds one
+  std::optional<double> white_level;     ///< grey level of a saturated pixel, where it is not the file format's
 };
 
 /// `[network]`: photographs of an object for its coordinates.
@@ -42,12 +44,21 @@ struct JobNetwork {
   std::optional<std::filesystem::path> scale_bars;
   std::optional<std::pair<int, int>> scale_from;  ///< one distance of the reference that defines the scale
   bool scale_is_free = false;                     ///< scale = "free": no scale is known and none is wanted
+  std::optional<std::filesystem::path> control;   ///< a point list with sigmas, or the result folder of another adjust
+  std::optional<std::filesystem::path> datum;     ///< a point list, perhaps with the column axes
+};
+
+/// `[rig]`: cameras on one mount; the first one's frame is the rig's.
+struct JobRig {
+  std::string name = "rig";
+  std::vector<std::string> cameras;
 };
 
 /// `[limits]`: what makes a verdict fail. Those that are not set are not judged, the first aside.
 struct JobLimits {
   double sigma0_px = 0.1;     ///< of one image coordinate; circular targets are measured far better than a tenth of a pixel
   double scale_bar_w = 3.29;  ///< standardised deviation of a scale bar; 0.1 % two-sided of a normal distribution
+  double control_w = 3.29;    ///< the same of a control point
   std::optional<double> point_sigma_mm;    ///< largest sigma of a coordinate
   std::optional<double> deviation_rms_mm;  ///< 3D, against the reference
   std::optional<double> deviation_max_mm;
@@ -65,6 +76,7 @@ struct Job {
   IdRanges ids;
   IdRanges exclude_ids;
   std::map<std::string, JobCamera> cameras;
+  std::optional<JobRig> rig;
   std::optional<JobNetwork> network;
   std::optional<std::filesystem::path> reference_points;
   std::string reference_unit;  ///< empty: the file says

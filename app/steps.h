@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -8,6 +10,7 @@
 #include "app/job.h"
 #include "app/session.h"
 #include "app/verb.h"
+#include "base/aicon_network.h"
 #include "base/observation.h"
 #include "base/point_list.h"
 #include "base/result.h"
@@ -49,6 +52,19 @@ base::Result<> check_scale(const Job& job);
 /// observations in `detection` -> network coordinates.
 base::Result<StepOutcome> adjust_step(const Job& job, const std::filesystem::path& detection, const std::filesystem::path& out,
                                       Session& session);
+
+/// An AICON project to be adjusted as it is.
+struct AiconTask {
+  std::filesystem::path folder;
+  base::AiconNetworkOptions reading;
+  std::optional<std::filesystem::path> sigmas;    ///< file of image points with a sigma of their own
+  std::optional<std::filesystem::path> excluded;  ///< file of image points that do not take part
+  std::vector<std::string> held = {"A3", "C1", "C2"};
+  bool reject_outliers = false;
+};
+
+/// an AICON project -> network coordinates in the datum of its object points.
+base::Result<StepOutcome> adjust_aicon_step(const AiconTask& task, const std::filesystem::path& out, Session& session);
 
 /// What is compared with what.
 struct VerificationTask {

@@ -40,6 +40,12 @@ std::vector<Verdict> judge(const base::AdjustedNetwork& network, const JobLimits
     verdicts.push_back(upper_limit({"scale_bar_w", "", "limits.scale_bar_w: 0.1 % two-sided of a normal distribution"},
                                    largest_w, limits.scale_bar_w, 0.0));
   }
+  if (!network.control.empty()) {
+    double largest = 0.0;
+    for (const base::AdjustedControl& point : network.control) largest = std::max(largest, point.w);
+    verdicts.push_back(upper_limit({"control_w", "", "limits.control_w: 0.1 % two-sided of a normal distribution"}, largest,
+                                   limits.control_w, 0.0));
+  }
   if (limits.point_sigma_mm) {
     double largest = 0.0;
     for (const base::AdjustedPoint& point : network.points) {

@@ -133,8 +133,8 @@ Result<Network> read_aicon_network(const AiconProject& project, const AiconNetwo
                                              shown(project.cameras)));
     }
     if (entry.rotation_order != 0) {
-      return bad(project.images,
-                 fmt::format("image {}: rotation order {} is not read, only 0 (omega, phi, kappa)", entry.image, entry.rotation_order));
+      return bad(project.images, fmt::format("image {}: rotation order {} is not read, only 0 (omega, phi, kappa)", entry.image,
+                                             entry.rotation_order));
     }
     const NetworkCamera& taken_by = network.cameras[camera->second];
     ImageObservations image;
@@ -161,8 +161,7 @@ Result<Network> read_aicon_network(const AiconProject& project, const AiconNetwo
     if (!entry.active || inactive.contains(entry.point)) continue;
     const auto image = image_of_id.find(entry.image);
     if (image == image_of_id.end()) {
-      return bad(project.image_points,
-                 fmt::format("image {} is not one of {}", entry.image, shown(project.images)));
+      return bad(project.image_points, fmt::format("image {} is not one of {}", entry.image, shown(project.images)));
     }
     const Key key{entry.image, entry.point};
     special.found.insert(key);
@@ -171,7 +170,8 @@ Result<Network> read_aicon_network(const AiconProject& project, const AiconNetwo
     const Camera& camera = network.cameras[camera_of_id.at((*images)[image->second].camera)].camera;
     const Eigen::Vector2d px_per_mm(camera.width_px() / camera.parameters()(11), camera.height_px() / camera.parameters()(12));
     const auto own = special.sigma_mm.find(key);
-    Eigen::Vector2d sigma_px = options.sigma_px > 0.0 ? Eigen::Vector2d::Constant(options.sigma_px) : Eigen::Vector2d(options.sigma_mm * px_per_mm);
+    Eigen::Vector2d sigma_px =
+        options.sigma_px > 0.0 ? Eigen::Vector2d::Constant(options.sigma_px) : Eigen::Vector2d(options.sigma_mm * px_per_mm);
     if (own != special.sigma_mm.end()) sigma_px = own->second * px_per_mm;
     observations.observations.push_back(observation_of(camera, entry, sigma_px));
   }
@@ -202,7 +202,8 @@ Result<std::vector<AiconNetworkOptions::Sigma>> read_image_point_sigmas(const st
   for (std::size_t row = 0; row < table->rows.size(); ++row) {
     const auto value = table->number(row, *sigma);
     if (!value) return tl::unexpected(value.error());
-    if (!(*value > 0.0)) return fail(ErrorCode::kBadInput, fmt::format("{}:{}: a sigma is positive", shown(path), table->lines[row]));
+    if (!(*value > 0.0))
+      return fail(ErrorCode::kBadInput, fmt::format("{}:{}: a sigma is positive", shown(path), table->lines[row]));
     result.push_back({(*ids)[row], *value});
   }
   return result;

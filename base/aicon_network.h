@@ -36,9 +36,9 @@ struct AiconNetworkOptions {
   double sigma_mm = 0.0005;
   /// The same in px, where it is positive.
   double sigma_px = 0.0;
-  std::vector<Sigma> overrides;         ///< image points with a sigma of their own
-  std::vector<ImagePointId> excluded;   ///< image points that do not take part
-  bool start_values = true;             ///< false: poses and points of the .eor and .obc files are not used to start with
+  std::vector<Sigma> overrides;        ///< image points with a sigma of their own
+  std::vector<ImagePointId> excluded;  ///< image points that do not take part
+  bool start_values = true;            ///< false: poses and points of the .eor and .obc files are not used to start with
 };
 
 /// The project as a network: the active image points (those of inactive object points aside; points that the .obc file does not list

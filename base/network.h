@@ -19,8 +19,12 @@ namespace crosstie::base {
 /// A camera as it enters an adjustment.
 struct NetworkCamera {
   std::string name;
-  Camera camera;         ///< start values; where its covariance is known, it is the prior of the parameters
+  /// Start values. Where their covariance is known, it is the prior of the parameters: 0 on its diagonal holds one, infinity tells
+  /// nothing of it.
+  Camera camera;
   bool estimate = true;  ///< false: the parameters are taken as they are
+  std::vector<std::string> held =
+      {};  ///< of the estimated ones those that stay at their start values, by base::parameter_names()
 };
 
 /// Cameras on one mount: where each of them sits relative to the first is unknown, but the same at all stations.

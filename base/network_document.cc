@@ -57,6 +57,25 @@ Json point_json(const AdjustedPoint& point) {
           {"max_w", point.max_w}};
 }
 
+Json rig_json(const AdjustedRig& rig) {
+  Json mounts = Json::array();
+  for (const AdjustedMount& mount : rig.mounts) {
+    mounts.push_back({{"camera", mount.camera},
+                      {"rig_from_camera", detail::matrix_json(mount.rig_from_camera)},
+                      {"cov", upper_triangle_json(mount.cov)}});
+  }
+  return {{"name", rig.name},
+          {"stations", rig.stations},
+          {"baseline_mm", rig.baseline_mm()},
+          {"baseline_sigma_mm", rig.baseline_sigma_mm()},
+          {"mounts", std::move(mounts)}};
+}
+
+Json control_json(const AdjustedControl& point) {
+  return {
+      {"id", point.id}, {"residual_mm", list_json(point.residual_mm)}, {"sigma_mm", list_json(point.sigma_mm)}, {"w", point.w}};
+}
+
 Json scale_bar_json(const AdjustedScaleBar& adjusted) {
   const ScaleBar& bar = adjusted.bar;
   const char* role = bar.role == ScaleBarRole::kUsed ? "used" : bar.role == ScaleBarRole::kCheck ? "check" : "defines";
@@ -113,11 +132,16 @@ Json network_json(const AdjustedNetwork& network) {
   json["redundancy"] = network.redundancy;
   json["chi2_p"] = network.chi2_p;
   json["iterations"] = network.iterations;
-  for (const char* key : {"points", "images", "cameras", "scale_bars", "rejected"}) json[key] = Json::array();
+  json["least_eigenvalue"] = network.least_eigenvalue;
+  json["weakest"] = network.weakest;
+  for (const char* key : {"points", "images", "cameras", "rigs", "scale_bars", "control", "rejected"})
+    json[key] = Json::array();
   for (const auto& point : network.points) json["points"].push_back(point_json(point));
   for (const auto& image : network.images) json["images"].push_back(image_json(image));
   for (const auto& camera : network.cameras) json["cameras"].push_back(camera_json(camera));
+  for (const auto& rig : network.rigs) json["rigs"].push_back(rig_json(rig));
   for (const auto& bar : network.scale_bars) json["scale_bars"].push_back(scale_bar_json(bar));
+  for (const auto& point : network.control) json["control"].push_back(control_json(point));
   for (const auto& r : network.rejected) {
     json["rejected"].push_back({{"image", r.image}, {"id", r.id}, {"reason", r.reason}, {"w", r.w}});
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include <fmt/format.h>
 
@@ -38,22 +39,29 @@ constexpr double kSettled = 1e-6;          // relative change of the sigmas at w
 constexpr double kLeastAngle_rad = 0.035;  // at which most rays must meet for a network to have depth: 2 degrees
 
 /// Which lens parameters are estimated, and what is known of them beforehand.
-Result<ModelPlan> lens_plan(const Survey& survey, const AdjustOptions& options) {
+Result<ModelPlan> lens_plan(const Survey& survey) {
   ModelPlan plan;
   for (const base::NetworkCamera& camera : survey.cameras) {
     const auto names = base::parameter_names(camera.camera.model());
     const Eigen::MatrixXd& cov = camera.camera.covariance();
     std::vector<int> free;
+    for (const std::string& name : camera.held) {
+      if (std::find(names.begin(), names.end(), name) == names.end()) {
+        return fail(ErrorCode::kBadInput, fmt::format("camera {}: its lens model {} has no parameter {}", camera.name,
+                                                      base::lens_model_name(camera.camera.model()), name));
+      }
+    }
     const auto adjustable = static_cast<std::size_t>(base::adjustable_count(camera.camera.model()));
     for (std::size_t k = 0; camera.estimate && k < adjustable; ++k) {
-      const bool held = std::find(options.fixed_parameters.begin(), options.fixed_parameters.end(), names[k]) !=
-                        options.fixed_parameters.end();
+      const bool held = std::find(camera.held.begin(), camera.held.end(), names[k]) != camera.held.end();
       const auto index = static_cast<Eigen::Index>(k);
       const bool known = cov.size() > 0 && cov(index, index) == 0.0;  // a prior without uncertainty
       if (!held && !known) free.push_back(static_cast<int>(k));
     }
     if (cov.size() > 0 && !free.empty()) {
-      if (!(Eigen::MatrixXd(cov(free, free)).llt().info() == Eigen::Success)) {
+      std::vector<int> known;
+      std::copy_if(free.begin(), free.end(), std::back_inserter(known), [&](int k) { return std::isfinite(cov(k, k)); });
+      if (!known.empty() && Eigen::MatrixXd(cov(known, known)).llt().info() != Eigen::Success) {
         return fail(ErrorCode::kBadInput,
                     "camera " + camera.name + ": the covariance of its parameters is not positive definite");
       }
@@ -219,14 +227,6 @@ Result<> AdjustOptions::validate() const {
     return bad(fmt::format("min_angle_rad is {}, not in [0, 1.5)", min_angle_rad));
   if (start_pairs < 1) return bad(fmt::format("start_pairs is {}, it must be 1 or more", start_pairs));
   if (max_iterations < 1) return bad(fmt::format("max_iterations is {}, it must be 1 or more", max_iterations));
-  for (const std::string& name : fixed_parameters) {
-    const auto known = [&](base::LensModel model) {
-      const auto names = base::parameter_names(model);
-      return std::find(names.begin(), names.end(), name) != names.end();
-    };
-    if (!known(base::LensModel::kOpenCv12) && !known(base::LensModel::kAicon))
-      return bad("no lens model has a parameter " + name);
-  }
   return {};
 }
 
@@ -235,7 +235,7 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
   auto survey = detail::make_survey(network);
   if (!survey) return fail(std::move(survey));
   if (auto ok = detail::check_connection(*survey); !ok) return fail(std::move(ok));
-  auto plan = lens_plan(*survey, options);
+  auto plan = lens_plan(*survey);
   if (!plan) return fail(std::move(plan));
 
   // Start values, without a scale: those that were given, or from the images alone.

@@ -35,9 +35,6 @@ struct AdjustOptions {
   /// false: every observation that can be computed takes part, whatever its residual.
   bool reject_outliers = true;
 
-  /// Lens parameters held at their start value in every camera, by base::parameter_names ("k3", "p1"). Default: none.
-  std::vector<std::string> fixed_parameters = {};
-
   /// Points whose rays meet at less than this are left out [rad]: their depth would be noise. Default: 1 degree.
   double min_angle_rad = 0.0175;
 

@@ -86,7 +86,9 @@ MatrixXd Cofactors::joint(std::span<const int> blocks) const {
   Index row = 0;
   for (const int a : blocks) {
     Index column = 0;
+    if (parameters.block(a).size() == 0) continue;
     for (const int b : blocks) {
+      if (parameters.block(b).size() == 0) continue;
       q.block(row, column, parameters.block(a).size(), parameters.block(b).size()) = block(a, b);
       column += parameters.block(b).size();
     }

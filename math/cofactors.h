@@ -24,7 +24,7 @@ class Cofactors {
 
   /// Between the unknowns of two blocks.
   [[nodiscard]] Eigen::MatrixXd block(int a, int b) const;
-  /// Of the unknowns of several blocks, in that order.
+  /// Of the unknowns of several blocks, in that order; blocks without unknowns take no room.
   [[nodiscard]] Eigen::MatrixXd joint(std::span<const int> blocks) const;
   /// Of all unknowns, in the order of Parameters: size^2 doubles.
   [[nodiscard]] Eigen::MatrixXd full() const;

@@ -94,6 +94,7 @@ Result<> NormalEquations::accumulate(const WhitenedRows& rows, MatrixXd& reduced
   cell_of_.assign(block_count, {-1, 0});
   for (std::size_t b = 0; b < block_count; ++b) {
     if (parameters_.block(static_cast<int>(b)).role == BlockRole::kKept) continue;
+    if (parameters_.block(static_cast<int>(b)).size() == 0) continue;  // all held
     const auto first = static_cast<std::size_t>(smallest[b]);
     if (first == b) {
       cell_of_[b].first = static_cast<int>(cells_.size());

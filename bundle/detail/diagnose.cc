@@ -140,6 +140,20 @@ void about_scale(AdjustedNetwork& result) {
   }
 }
 
+void about_control(AdjustedNetwork& result) {
+  std::string contradicting;
+  for (const auto& point : result.control) {
+    if (point.w <= kContradiction) continue;
+    contradicting += fmt::format("{}{} ({:+.4f} {:+.4f} {:+.4f} mm, w {:.1f})", contradicting.empty() ? "" : ", ", point.id,
+                                 point.residual_mm.x(), point.residual_mm.y(), point.residual_mm.z(), point.w);
+  }
+  if (!contradicting.empty()) {
+    result.warnings.push_back({"contradicting_control", contradicting,
+                               "these control points contradict each other or the images: " + contradicting +
+                                   ". Compare coordinates, units, ids and sigmas with their source"});
+  }
+}
+
 void about_weights(const AdjustOptions& options, const Weights& weights, AdjustedNetwork& result) {
   if (weights.estimated() && result.model_sigma_px > 0.0) {
     result.warnings.push_back(
@@ -163,6 +177,7 @@ void diagnose(const Survey& survey, const AdjustOptions& options, const State& s
   static_cast<void>(at);
   result.warnings.insert(result.warnings.end(), survey.warnings.begin(), survey.warnings.end());
   about_scale(result);
+  about_control(result);
   about_lenses(survey, state, result);
   about_images(result);
   about_points(result);

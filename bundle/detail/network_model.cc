@@ -1,6 +1,7 @@
 #include "bundle/detail/network_model.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
@@ -88,8 +89,10 @@ void add_control(const Survey& survey, NetworkModel& network) {
 void add_priors(const Survey& survey, const ModelPlan& plan, NetworkModel& network) {
   for (std::size_t c = 0; c < plan.lens_prior.size(); ++c) {
     if (!plan.lens_prior[c] || network.camera_block[c] < 0 || plan.free_lens[c].empty()) continue;
-    // Held parameters are known: the prior is that of the free ones alone.
-    const std::vector<int>& free = plan.free_lens[c];
+    // Held parameters are known: the prior is that of the free ones alone, those aside of which it tells nothing.
+    std::vector<int> free = plan.free_lens[c];
+    std::erase_if(free, [&](int k) { return !std::isfinite((*plan.lens_prior[c])(k, k)); });
+    if (free.empty()) continue;
     const Eigen::MatrixXd cov = (*plan.lens_prior[c])(free, free);
     const Eigen::LLT<Eigen::MatrixXd> llt(cov);
     const auto count = static_cast<Eigen::Index>(free.size());
@@ -117,7 +120,8 @@ void add_poses(const Survey& survey, const State& state, const ModelPlan& plan, 
     return network.model.add(std::move(block));
   };
   for (std::size_t i = 0; i < survey.images.size(); ++i) {
-    if (image_used[i] && survey.station_of_image[i] >= 0 && mount_of(i)) mounted[static_cast<std::size_t>(survey.camera_of_image[i])] = 1;
+    if (image_used[i] && survey.station_of_image[i] >= 0 && mount_of(i))
+      mounted[static_cast<std::size_t>(survey.camera_of_image[i])] = 1;
   }
   for (std::size_t c = 0; c < survey.cameras.size(); ++c) {
     if (!mounted[c] || survey.leads_rig(static_cast<int>(c))) continue;
@@ -148,9 +152,9 @@ std::unique_ptr<ImagePoint> NetworkModel::image_point(const Survey& survey, int 
   const auto image = static_cast<std::size_t>(observed.image);
   const auto camera = static_cast<std::size_t>(survey.camera_of_image[image]);
   const int mount = survey.station_of_image[image] >= 0 ? mount_block[camera] : -1;
-  return std::make_unique<ImagePoint>(
-      ImagePoint::Blocks{camera_block[camera], image_block[image], point_block[static_cast<std::size_t>(observed.point)], mount},
-      survey.lens(observed.image), observed.measured_px, whitening);
+  return std::make_unique<ImagePoint>(ImagePoint::Blocks{camera_block[camera], image_block[image],
+                                                         point_block[static_cast<std::size_t>(observed.point)], mount},
+                                      survey.lens(observed.image), observed.measured_px, whitening);
 }
 
 NetworkModel build_model(const Survey& survey, const State& state, const ModelPlan& plan) {

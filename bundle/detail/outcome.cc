@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <tuple>
 
 #include <fmt/format.h>
@@ -32,6 +33,20 @@ std::string scale_name(const Survey& survey) {
   return "scale bars";
 }
 
+/// Of some blocks in all their tangent directions, zero for those that are held.
+Eigen::MatrixXd cofactors_of(const Estimate& at, const math::Cofactors& cofactors, std::initializer_list<int> blocks) {
+  std::vector<int> free;
+  int size = 0;
+  for (const int b : blocks) {
+    const Block& block = at.network.model.blocks[static_cast<std::size_t>(b)];
+    for (const int i : block.free) free.push_back(size + i);
+    size += block.tangent_size();
+  }
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(size, size);
+  all(free, free) = cofactors.joint(std::vector<int>(blocks));
+  return all;
+}
+
 /// Indices into the result's lists, -1 for what does not take part.
 struct Places {
   std::vector<int> image;
@@ -50,9 +65,7 @@ void add_cameras(const Survey& survey, const State& state, const Estimate& at, c
       if (adjusted && !values.free.empty()) {
         camera.camera = *adjusted;
         camera.estimated = true;
-        Eigen::MatrixXd cov = Eigen::MatrixXd::Zero(state.lenses[c].size(), state.lenses[c].size());
-        cov(values.free, values.free) = variance * cofactors.block(block, block);
-        camera.camera.set_covariance(std::move(cov));
+        camera.camera.set_covariance(variance * cofactors_of(at, cofactors, {block}));
       }
     }
     result.cameras.push_back(std::move(camera));
@@ -66,12 +79,11 @@ base::Matrix6d pose_cofactors(const Survey& survey, const Estimate& at, const ma
   const int mount = survey.station_of_image[image] >= 0
                         ? at.network.mount_block[static_cast<std::size_t>(survey.camera_of_image[image])]
                         : -1;
-  if (mount < 0) return cofactors.block(pose, pose);
+  if (mount < 0) return cofactors_of(at, cofactors, {pose});
   const base::Pose network_from_rig = pose_from_values(at.network.model.blocks[static_cast<std::size_t>(pose)].values.data());
   Eigen::Matrix<double, 6, 12> jacobian;
   jacobian << base::Matrix6d::Identity(), network_from_rig.adjoint();
-  const int blocks[] = {pose, mount};
-  return jacobian * cofactors.joint(blocks) * jacobian.transpose();
+  return jacobian * cofactors_of(at, cofactors, {pose, mount}) * jacobian.transpose();
 }
 
 void add_rigs(const Survey& survey, const State& state, const Estimate& at, const math::Cofactors& cofactors, double variance,
@@ -84,7 +96,7 @@ void add_rigs(const Survey& survey, const State& state, const Estimate& at, cons
       const int block = at.network.mount_block[c];
       if (block < 0 && !survey.leads_rig(camera)) continue;
       base::AdjustedMount mount{survey.cameras[c].name, state.mounts[c].value_or(base::Pose{})};
-      if (block >= 0) mount.cov = variance * cofactors.block(block, block);
+      if (block >= 0) mount.cov = variance * cofactors_of(at, cofactors, {block});
       rig.mounts.push_back(std::move(mount));
     }
     for (const Station& station : survey.stations) {
@@ -138,7 +150,7 @@ Places add_images_and_points(const Survey& survey, const State& state, const Est
     base::AdjustedPoint point;
     point.id = survey.ids[p];
     point.xyz_mm = *state.points[p];
-    point.cov_mm2 = variance * cofactors.block(block, block);
+    point.cov_mm2 = variance * cofactors_of(at, cofactors, {block});
     std::vector<int> rays;
     for (const int r : survey.rays_of_point[p]) {
       if (state.active[static_cast<std::size_t>(r)]) rays.push_back(r);
@@ -197,8 +209,7 @@ void add_bars(const Survey& survey, const State& state, const Estimate& at, cons
     base::AdjustedScaleBar adjusted{bar.bar, difference.norm(), 0.0, 0.0};
     Eigen::Matrix<double, 6, 1> gradient;
     gradient << difference.normalized(), -difference.normalized();
-    const int blocks[] = {a, b};
-    adjusted.sigma_mm = std::sqrt(std::max(0.0, variance * gradient.dot(cofactors.joint(blocks) * gradient)));
+    adjusted.sigma_mm = std::sqrt(std::max(0.0, variance * gradient.dot(cofactors_of(at, cofactors, {a, b}) * gradient)));
     const double error = adjusted.measured_mm - bar.bar.length_at_temperature_mm();
     if (bar.bar.role == base::ScaleBarRole::kUsed) {
       for (int g = 0; g < at.rows.group_count(); ++g) {

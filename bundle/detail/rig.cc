@@ -52,7 +52,8 @@ void mount_cameras(Survey& survey, State& state) {
         survey.warnings.push_back(
             {"camera_not_mounted", survey.cameras[camera].name,
              fmt::format("camera {} is adjusted apart from its rig {}: in no station could both it and camera {} be oriented",
-                         survey.cameras[camera].name, rig.name, survey.cameras[static_cast<std::size_t>(rig.cameras.front())].name)});
+                         survey.cameras[camera].name, rig.name,
+                         survey.cameras[static_cast<std::size_t>(rig.cameras.front())].name)});
       }
     }
   }
@@ -60,9 +61,8 @@ void mount_cameras(Survey& survey, State& state) {
     const auto mounted = [&](int image) {
       return state.mounts[static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(image)])];
     };
-    const auto known = std::find_if(station.images.begin(), station.images.end(), [&](int image) {
-      return state.poses[static_cast<std::size_t>(image)] && mounted(image);
-    });
+    const auto known = std::find_if(station.images.begin(), station.images.end(),
+                                    [&](int image) { return state.poses[static_cast<std::size_t>(image)] && mounted(image); });
     if (known == station.images.end()) continue;
     const base::Pose network_from_rig = *state.poses[static_cast<std::size_t>(*known)] * mounted(*known)->inverse();
     for (const int image : station.images) {

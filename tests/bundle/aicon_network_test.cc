@@ -31,12 +31,9 @@ class AiconNetwork : public testing::Test {
     network_ = std::move(*network);
   }
 
-  static base::Result<base::AdjustedNetwork> adjusted(const base::Network& network) {
-    return adjust(network, {.model_sigma_px = 0.0,
-                            .reject_outliers = false,
-                            .fixed_parameters = {"A3", "C1", "C2"},
-                            .min_angle_rad = 0.0,
-                            .full_covariance = false});
+  static base::Result<base::AdjustedNetwork> adjusted(base::Network network) {
+    for (base::NetworkCamera& camera : network.cameras) camera.held = {"A3", "C1", "C2"};
+    return adjust(network, {.model_sigma_px = 0.0, .reject_outliers = false, .min_angle_rad = 0.0, .full_covariance = false});
   }
 
   [[nodiscard]] base::Table reference(const char* name) const {
@@ -106,7 +103,8 @@ TEST_F(AiconNetwork, IsAdjustedToTheLastDigit) {
   expect_the_reference(*result);
   // Interior orientation against the report of AICON and the independent solution.
   const base::Camera& camera = result->cameras.front().camera;
-  const double values[] = {28.78507297775, 0.01734891961, 0.05668730959, -1.0960685077e-4, 1.4956597338e-7, 0.0, 5.79842811e-6, -8.64453938e-6};
+  const double values[] = {28.78507297775,  0.01734891961, 0.05668730959, -1.0960685077e-4,
+                           1.4956597338e-7, 0.0,           5.79842811e-6, -8.64453938e-6};
   const double sigmas[] = {2.513178e-4, 3.441658e-4, 3.262600e-4, 2.978787e-8, 7.655524e-11, 0.0, 1.190972e-7, 1.043919e-7};
   for (int i = 0; i < 8; ++i) {
     EXPECT_NEAR(camera.parameters()(i), values[i], 1e-8 * std::abs(values[i])) << i;

@@ -1,6 +1,8 @@
 // What the observations do not determine is refused, with the weak part named; it is never given a number.
 #include <cmath>
+#include <limits>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "bundle/adjust.h"
@@ -112,8 +114,8 @@ TEST(Degenerate, BadInputIsNamed) {
 
 TEST(Degenerate, BadOptionsAreNamed) {
   const auto synthetic = tests::make_synthetic({});
-  for (const AdjustOptions& options : {AdjustOptions{.sigma_px = 0.0}, AdjustOptions{.significance = 0.7},
-                                       AdjustOptions{.fixed_parameters = {"q1"}}, AdjustOptions{.start_pairs = 0}}) {
+  for (const AdjustOptions& options :
+       {AdjustOptions{.sigma_px = 0.0}, AdjustOptions{.significance = 0.7}, AdjustOptions{.start_pairs = 0}}) {
     const auto result = adjust(synthetic.network, options);
     ASSERT_FALSE(result);
     EXPECT_EQ(result.error().code, base::ErrorCode::kUsage);
@@ -140,10 +142,30 @@ TEST(Degenerate, HeldAndKnownLensesAreUsedAsTheyAre) {
   EXPECT_LT(prior->cameras[0].camera.covariance()(0, 0), 0.0102 * loose(0, 0));
   EXPECT_EQ(prior->observations, free->observations + 9);
 
-  const auto without = adjust(synthetic.network, {.fixed_parameters = {"k3"}});
+  // Of one parameter something is known, of the others nothing.
+  Eigen::VectorXd variances = Eigen::VectorXd::Constant(9, std::numeric_limits<double>::infinity());
+  variances(0) = 0.01 * loose(0, 0);
+  synthetic.network.cameras[0].camera.set_covariance(variances.asDiagonal());
+  const auto one = adjust(synthetic.network);
+  ASSERT_TRUE(one) << one.error().message;
+  EXPECT_LT(one->cameras[0].camera.covariance()(0, 0), 0.0102 * loose(0, 0));
+  EXPECT_EQ(one->observations, free->observations + 1);
+
+  synthetic.network.cameras[0].camera.set_covariance(0.01 * loose);
+  synthetic.network.cameras[0].held = {"k3"};
+  const auto without = adjust(synthetic.network);
   ASSERT_TRUE(without);
   EXPECT_EQ(without->cameras[0].camera.parameters()(8), synthetic.cameras[0].parameters()(8));
   EXPECT_EQ(without->unknowns, prior->unknowns - 1);
+}
+
+TEST(Degenerate, AHeldParameterThatNoLensHasIsNamed) {
+  auto synthetic = tests::make_synthetic({});
+  synthetic.network.cameras[0].held = {"q1"};
+  const auto result = adjust(synthetic.network);
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().code, base::ErrorCode::kBadInput);
+  EXPECT_THAT(result.error().message, testing::HasSubstr("q1"));
 }
 
 }  // namespace

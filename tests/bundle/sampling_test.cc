@@ -1,5 +1,6 @@
 // The headline of the adjustment: its covariance is true. The same network is disturbed 200 times; the errors of all unknowns
 // together, and of the points alone, must have the covariance that is stated.
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -15,11 +16,30 @@ namespace {
 
 constexpr int kRepetitions = 200;
 
-enum class Datum { kInner, kMinimal, kThreeTwoOne };
+enum class Datum { kInner, kMinimal, kThreeTwoOne, kControl };
+
+/// Four points whose coordinates are known with a full covariance, drawn anew.
+base::ControlGroup control_points(const tests::SyntheticNetwork& synthetic, std::uint64_t seed) {
+  constexpr Eigen::Index kSize = 12;
+  tests::Random layout(5);
+  Eigen::MatrixXd root(kSize, kSize);
+  for (double& value : root.reshaped()) value = 0.01 * layout.normal();
+  tests::Random random(1000 + seed);
+  Eigen::VectorXd normal(kSize);
+  for (double& value : normal) value = random.normal();
+  base::ControlGroup group;
+  group.xyz_mm = root * normal;
+  group.cov_mm2 = root * root.transpose();
+  for (const std::size_t i : {std::size_t{0}, std::size_t{4}, synthetic.ids.size() - 5, synthetic.ids.size() - 1}) {
+    group.xyz_mm.segment<3>(static_cast<Eigen::Index>(3 * group.ids.size())) += synthetic.points[i];
+    group.ids.push_back(synthetic.ids[i]);
+  }
+  return group;
+}
 
 /// Where the frame of a result comes from: the network itself, six coordinates of one point and two others, or planes.
 std::vector<base::DatumPoint> datum_points(const tests::SyntheticNetwork& synthetic, Datum datum) {
-  if (datum == Datum::kInner) return {};
+  if (datum == Datum::kInner || datum == Datum::kControl) return {};
   const auto place = [&](std::size_t i) { return synthetic.points[i]; };
   const std::size_t last = synthetic.points.size() - 1;
   if (datum == Datum::kMinimal) {
@@ -87,7 +107,12 @@ Eigen::VectorXd errors(const tests::SyntheticNetwork& truth, const base::Adjuste
     error.segment(at, parameters.size()) = truth.cameras[c].parameters() - parameters;
     at += parameters.size();
   }
-  for (std::size_t i = 0; i < result.images.size(); ++i) {
+  for (std::size_t c = 1; c < truth.rig_from_camera.size(); ++c) {
+    error.segment<6>(at) = base::difference(result.rigs.front().mounts[c].rig_from_camera, truth.rig_from_camera[c]);
+    at += 6;
+  }
+  // On a rig the pose of a station is that of its first camera.
+  for (std::size_t i = 0; i < result.images.size(); i += std::max<std::size_t>(1, truth.rig_from_camera.size())) {
     base::Pose true_pose = truth.network_from_camera[i];
     true_pose.translation_mm *= motion.scale;
     error.segment<6>(at) = base::difference(result.images[i].network_from_camera, motion.a_from_b * true_pose);
@@ -118,6 +143,10 @@ void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool s
       synthetic.network.scale_is_free = true;
     }
     synthetic.network.datum = datum_points(synthetic, datum);
+    if (datum == Datum::kControl) {
+      synthetic.network.scale_bars.clear();
+      synthetic.network.control.push_back(control_points(synthetic, options.seed));
+    }
     // The true sigmas are given, and nothing is rejected: the distribution of the errors is then known exactly.
     const auto result = adjust(synthetic.network, {.model_sigma_px = 0.0, .reject_outliers = false});
     ASSERT_TRUE(result) << result.error().message;
@@ -126,11 +155,12 @@ void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool s
     const Eigen::MatrixXd covariance = result->covariance / (result->sigma0 * result->sigma0);
     const Eigen::VectorXd error = errors(synthetic, *result, result_from_truth(synthetic, *result, datum, scale_is_free));
     const int defect = result->conditions;
-    ASSERT_EQ(defect, scale_is_free ? 7 : 6);
+    ASSERT_EQ(defect, datum == Datum::kControl ? 0 : scale_is_free ? 7 : 6);
     all += normalised_square(error, covariance, defect);
     const auto count = static_cast<Eigen::Index>(3 * result->points.size());
     points += normalised_square(error.tail(count), covariance.bottomRightCorner(count, count), defect);
-    const auto of_poses = static_cast<Eigen::Index>(6 * result->images.size());
+    const auto of_poses =
+        static_cast<Eigen::Index>(6 * result->images.size() / std::max<std::size_t>(1, synthetic.rig_from_camera.size()));
     const Eigen::Index first = error.size() - count - of_poses;
     poses += normalised_square(error.segment(first, of_poses), covariance.block(first, first, of_poses, of_poses), 0);
     dof_all += result->unknowns - defect;
@@ -156,6 +186,16 @@ TEST(Sampling, CovarianceOfASolidNetworkIsTrue) { expect_true_covariance(kSolid,
 TEST(Sampling, CovarianceInAMinimalDatumIsTrue) { expect_true_covariance(kSolid, Datum::kMinimal, false); }
 
 TEST(Sampling, CovarianceInAThreeTwoOneDatumIsTrue) { expect_true_covariance(kSolid, Datum::kThreeTwoOne, false); }
+
+TEST(Sampling, CovarianceWithControlPointsIsTrue) { expect_true_covariance(kSolid, Datum::kControl, false); }
+
+TEST(Sampling, CovarianceOfARigIsTrue) {
+  tests::SyntheticOptions options = kSolid;
+  options.cameras = 2;
+  options.images = 12;
+  options.rig = true;
+  expect_true_covariance(options, Datum::kInner, false);
+}
 
 TEST(Sampling, DistancesAndTheirSigmasAreTheSameInEveryDatum) {
   std::vector<base::AdjustedNetwork> results;

@@ -20,6 +20,7 @@ struct SyntheticNetwork {
   base::Network network;
   std::vector<base::Camera> cameras;            ///< true ones
   std::vector<base::Pose> network_from_camera;  ///< of network.images
+  std::vector<base::Pose> rig_from_camera;      ///< of the cameras, where they are on a rig
   std::vector<int> ids;
   std::vector<Eigen::Vector3d> points;
 
@@ -34,6 +35,7 @@ struct SyntheticNetwork {
 
 struct SyntheticOptions {
   int cameras = 1;
+  bool rig = false;  ///< the cameras (two or more) sit on one bar and take their images at the same moments
   int images = 12;
   int columns = 6;  ///< of points, 90 mm apart
   int rows = 5;
@@ -96,6 +98,13 @@ inline SyntheticNetwork make_synthetic(const SyntheticOptions& options) {
                                     options.depth_mm * layout.uniform(-0.5, 0.5));
     }
   }
+  if (options.rig) synthetic.network.rigs.push_back({"bar", {}, {}});
+  for (int c = 0; options.rig && c < options.cameras; ++c) {
+    synthetic.network.rigs.front().cameras.push_back(fmt::format("c{}", c));
+    synthetic.rig_from_camera.push_back(
+        {base::rotation_exp(c * Eigen::Vector3d(0.02, -0.2, 0.01)), c * Eigen::Vector3d(260.0, 4.0, -9.0)});
+  }
+  base::Pose network_from_rig;
   for (int i = 0; i < options.images; ++i) {
     const int c = i % options.cameras;
     const double around = 2.0 * std::numbers::pi * i / options.images + 0.3;
@@ -105,7 +114,15 @@ inline SyntheticNetwork make_synthetic(const SyntheticOptions& options) {
     if (!options.moving) position = Eigen::Vector3d(0.0, 0.0, 1200.0);
     if (!options.moving) target *= 4.0;
     const double roll = options.rolled ? 0.5 * std::numbers::pi * (i % 4) : 0.0;
-    const base::Pose pose = looking_at(position, target, roll);
+    base::Pose pose = looking_at(position, target, roll);
+    if (options.rig) {
+      if (c == 0) {
+        network_from_rig = pose;
+        synthetic.network.rigs.front().stations.emplace_back();
+      }
+      pose = network_from_rig * synthetic.rig_from_camera[static_cast<std::size_t>(c)];
+      synthetic.network.rigs.front().stations.back().push_back(fmt::format("i{:02}", i));
+    }
     synthetic.network_from_camera.push_back(pose);
     base::ImageObservations image;
     image.image = fmt::format("i{:02}", i);
