@@ -52,16 +52,21 @@ Result<> write_files(const fs::path& folder, const base::AdjustedNetwork& networ
 
 Result<StepOutcome> write_adjustment(ResultFolder& folder, const fs::path& out, const base::AdjustedNetwork& adjusted,
                                      AdjustmentRecord record) {
-  base::ResultEnvelope envelope{"adjust", "network", std::move(record.inputs), judge(adjusted, record.limits), adjusted.warnings};
+  base::ResultEnvelope envelope{"adjust", "network", std::move(record.inputs), judge(adjusted, record.limits),
+                                adjusted.warnings};
   if (auto written = write_files(folder.path(), adjusted); !written) return base::fail(std::move(written));
-  const std::string html = report::bundle_report(adjusted, {"Bundle adjustment", record.title, envelope, record.options.dump(2)});
+  const std::string html =
+      report::bundle_report(adjusted, {"Bundle adjustment", record.title, envelope, record.options.dump(2)});
   const ordered_json result = base::result_json(envelope, record.options, base::network_json(adjusted));
   if (auto published = publish(folder, html, result); !published) return base::fail(std::move(published));
-  return StepOutcome{out,
-                     fmt::format("{} points from {} images, sigma0 {:.4f} px, redundancy {}, {} rejected, {} warnings",
-                                 adjusted.points.size(), adjusted.images.size(), adjusted.sigma0_px, adjusted.redundancy,
-                                 adjusted.rejected.size(), adjusted.warnings.size()),
-                     false, outcome_of(envelope.verdicts)};
+  const auto uncoded = std::count_if(adjusted.points.begin(), adjusted.points.end(),
+                                     [](const base::AdjustedPoint& point) { return point.kind == "uncoded"; });
+  return StepOutcome{
+      out,
+      fmt::format("{} points{} from {} images, sigma0 {:.4f} px, redundancy {}, {} rejected, {} warnings",
+                  adjusted.points.size(), uncoded > 0 ? fmt::format(" ({} uncoded)", uncoded) : "", adjusted.images.size(),
+                  adjusted.sigma0_px, adjusted.redundancy, adjusted.rejected.size(), adjusted.warnings.size()),
+      false, outcome_of(envelope.verdicts)};
 }
 
 }  // namespace crosstie::app

@@ -32,7 +32,7 @@ const std::map<std::string, std::vector<std::string>>& known_keys() {
        {"board_images", "model", "focal_mm", "sensor_width_mm", "focal_px", "temperature_c", "lens", "estimate", "white_level",
         "fixed", "sigmas"}},
       {"rig", {"name", "cameras"}},
-      {"network", {"images", "scale_bars", "scale_from", "scale", "control", "datum"}},
+      {"network", {"images", "scale_bars", "scale_from", "scale", "control", "datum", "uncoded"}},
       {"cross", {"points", "spheres", "temperature_c", "cte_per_k"}},
       {"machine", {"probed_spheres", "temperature_c"}},
       {"station", {"name", "axis_mm", "cross", "scan"}},
@@ -250,6 +250,7 @@ void read_network(Reader& reader, const toml::table& root, Job& job) {
   if (network.control && network.datum) {
     reader.complain(table->get("datum"), "control points define the frame already: give datum or control, not both");
   }
+  reader.flag(*table, "uncoded", network.uncoded);
   job.network = std::move(network);
 }
 

@@ -46,6 +46,7 @@ struct JobNetwork {
   bool scale_is_free = false;                     ///< scale = "free": no scale is known and none is wanted
   std::optional<std::filesystem::path> control;   ///< a point list with sigmas, or the result folder of another adjust
   std::optional<std::filesystem::path> datum;     ///< a point list, perhaps with the column axes
+  bool uncoded = true;                            ///< match and adjust the dots without a code, too
 };
 
 /// `[rig]`: cameras on one mount; the first one's frame is the rig's.

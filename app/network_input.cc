@@ -91,7 +91,8 @@ Result<> know_sigmas(const Job& job, const std::string& name, const JobCamera& s
   for (const auto& [parameter, sigma] : settings.sigmas) {
     const auto found = std::find(names.begin(), names.end(), parameter);
     if (found == names.end()) {
-      return bad_job(job, fmt::format("[camera.{}] sigmas: {} has no parameter {}", name, base::lens_model_name(camera.model()), parameter));
+      return bad_job(job, fmt::format("[camera.{}] sigmas: {} has no parameter {}", name, base::lens_model_name(camera.model()),
+                                      parameter));
     }
     prior(found - names.begin(), found - names.begin()) = sigma * sigma;
   }
@@ -193,15 +194,17 @@ Result<base::NetworkRig> rig_of(const Job& job, const DetectionTask& task) {
   std::size_t complete = 0;
   for (auto& [text, images] : stations) {
     if (images.size() > rig.cameras.size()) {
-      return bad_job(job, fmt::format("[rig] {} images belong to one station ('{}'): the patterns' wildcards must tell the stations apart",
-                                      images.size(), text));
+      return bad_job(
+          job, fmt::format("[rig] {} images belong to one station ('{}'): the patterns' wildcards must tell the stations apart",
+                           images.size(), text));
     }
     complete += images.size() > 1 ? 1 : 0;
     rig.stations.push_back(std::move(images));
   }
   if (complete == 0) {
-    return bad_job(job, "[rig] no two images of its cameras belong together: what the wildcards of their patterns stand for must be "
-                        "the same for images of one moment");
+    return bad_job(job,
+                   "[rig] no two images of its cameras belong together: what the wildcards of their patterns stand for must be "
+                   "the same for images of one moment");
   }
   return rig;
 }
@@ -239,7 +242,8 @@ Result<std::vector<base::ControlGroup>> control_of(const Job& job) {
   if (!list) return tl::unexpected(list.error());
   for (const base::ReferencePoint& point : list->points) {
     if (!point.cov_mm2) {
-      return bad_job(job, fmt::format("control point {} has no sigma in {}: known coordinates need one (0 holds them)", point.id, path.string()));
+      return bad_job(job, fmt::format("control point {} has no sigma in {}: known coordinates need one (0 holds them)",
+                                      point.id, path.string()));
     }
     groups.push_back({{point.id}, point.xyz_mm, *point.cov_mm2});
   }
@@ -256,8 +260,9 @@ Result<std::vector<base::DatumPoint>> datum_of(const fs::path& path, const std::
   for (std::size_t row = 0; column && row < table->rows.size(); ++row) {
     const std::string& text = table->rows[row][*column];
     if (text.find_first_not_of("xyz") != std::string::npos) {
-      return base::fail(ErrorCode::kBadInput, fmt::format("{}:{}: axes holds x, y and z of the coordinates that count, not '{}'",
-                                                          path.string(), table->lines[row], text));
+      return base::fail(ErrorCode::kBadInput,
+                        fmt::format("{}:{}: axes holds x, y and z of the coordinates that count, not '{}'", path.string(),
+                                    table->lines[row], text));
     }
     const auto id = table->integer(row, *table->column("id"));
     if (!id) return tl::unexpected(id.error());

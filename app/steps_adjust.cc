@@ -19,7 +19,8 @@ using nlohmann::ordered_json;
 
 /// All of the job that the adjustment depends on, apart from files.
 ordered_json effective_options(const Job& job, const bundle::AdjustOptions& options) {
-  ordered_json json = {{"significance", options.significance}, {"min_angle_rad", options.min_angle_rad}};
+  ordered_json json = {
+      {"significance", options.significance}, {"min_angle_rad", options.min_angle_rad}, {"uncoded", options.uncoded}};
   json["cameras"] = ordered_json::object();
   for (const auto& [name, camera] : job.cameras) {
     ordered_json& entry = json["cameras"][name];
@@ -57,7 +58,8 @@ Result<> check_scale(const Job& job) {
 }
 
 Result<StepOutcome> adjust_step(const Job& job, const fs::path& detection, const fs::path& out, Session& session) {
-  const bundle::AdjustOptions adjust_options;
+  bundle::AdjustOptions adjust_options;
+  adjust_options.uncoded = job.network->uncoded;
   const ordered_json options = effective_options(job, adjust_options);
   auto inputs = network_inputs(job, detection);
   if (!inputs) return base::fail(std::move(inputs));

@@ -19,7 +19,8 @@ Result<StepOutcome> adjust_aicon_step(const AiconTask& task, const fs::path& out
   const auto project = base::find_aicon_project(task.folder);
   if (!project) return tl::unexpected(project.error());
   base::AiconNetworkOptions reading = task.reading;
-  std::vector<fs::path> files = {project->image_points, project->object_points, project->cameras, project->images, project->scales};
+  std::vector<fs::path> files = {project->image_points, project->object_points, project->cameras, project->images,
+                                 project->scales};
   if (task.sigmas) {
     auto sigmas = base::read_image_point_sigmas(*task.sigmas);
     if (!sigmas) return base::fail(std::move(sigmas));

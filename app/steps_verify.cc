@@ -124,10 +124,16 @@ Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& ou
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   const auto used =
       std::count_if(verification->points.begin(), verification->points.end(), [](const auto& point) { return point.used; });
+  const base::PositionComparison& uncoded = verification->by_position;
   return StepOutcome{
       out,
       fmt::format("{} points, RMS {:.4f} {:.4f} {:.4f} mm (x y z), deviation over predicted sigma {:.2f}", used,
-                  verification->rms_mm.x(), verification->rms_mm.y(), verification->rms_mm.z(), verification->normalised_rms),
+                  verification->rms_mm.x(), verification->rms_mm.y(), verification->rms_mm.z(), verification->normalised_rms) +
+          (uncoded.points.empty() && uncoded.unpaired.empty()
+               ? std::string()
+               : fmt::format("; {} of {} uncoded have a partner, RMS {:.4f} {:.4f} {:.4f} mm, max {:.4f} mm",
+                             uncoded.points.size(), uncoded.points.size() + uncoded.unpaired.size(), uncoded.rms_mm.x(),
+                             uncoded.rms_mm.y(), uncoded.rms_mm.z(), uncoded.max_mm)),
       false, outcome_of(envelope.verdicts)};
 }
 

@@ -57,7 +57,7 @@ struct StartPose {
 /// What an adjustment starts from: who saw which marker where, and what is known of lengths, points and poses.
 struct Network {
   std::vector<NetworkCamera> cameras;
-  std::vector<ImageObservations> images;  ///< their `camera` names one of `cameras`; only coded markers are used so far
+  std::vector<ImageObservations> images;  ///< their `camera` names one of `cameras`
   std::vector<NetworkRig> rigs;
   std::vector<ScaleBar> scale_bars;
   bool scale_is_free = false;         ///< true: no scale is known and none is wanted; the result's unit is then arbitrary
@@ -148,6 +148,21 @@ struct AdjustedControl {
   double w = 0.0;                                         ///< standardised residual of its group over the a priori sigma
 };
 
+/// A dot without a code that belongs to no adjusted point.
+struct UnmatchedDot {
+  std::string image;
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  bool ambiguous = false;  ///< it would fit more than one point; false: it fits none on which three images agree
+};
+
+/// What became of the dots without a code.
+struct UncodedDots {
+  int found = 0;                   ///< in the oriented images, with the dots of rings that could not be read
+  int matched = 0;                 ///< told to be images of common points
+  int targets = 0;                 ///< such points
+  std::vector<UnmatchedDot> left;  ///< by image, y, x
+};
+
 /// The outcome of an adjustment. Covariances are a posteriori (multiplied by sigma0^2) in the stated datum.
 struct AdjustedNetwork {
   std::string datum;       ///< "inner constraints", ...
@@ -157,12 +172,13 @@ struct AdjustedNetwork {
   /// Added in quadrature to the detector's sigmas of all image points, given or estimated as a variance component; 0 for equal
   /// weights. Where it was estimated, sigma0 is 1 by construction.
   double model_sigma_px = 0.0;
-  double rms_px = 0.0;   ///< sqrt(sum |e|^2 / image points)
-  int observations = 0;  ///< n: scalar observations that took part
-  int unknowns = 0;      ///< u
-  int conditions = 0;    ///< of the datum
-  int redundancy = 0;    ///< n - u + conditions
-  double chi2_p = 0.0;   ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
+  double uncoded_model_sigma_px = 0.0;  ///< the same of uncoded targets, which have a component of their own
+  double rms_px = 0.0;                  ///< sqrt(sum |e|^2 / image points)
+  int observations = 0;                 ///< n: scalar observations that took part
+  int unknowns = 0;                     ///< u
+  int conditions = 0;                   ///< of the datum
+  int redundancy = 0;                   ///< n - u + conditions
+  double chi2_p = 0.0;  ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
   int iterations = 0;
   /// Least eigenvalue of the reduced normal matrix, scaled to unit diagonal, in the datum: near 0 where a combination of unknowns
   /// is hardly determined; and the unknowns that dominate its eigenvector.
@@ -176,6 +192,7 @@ struct AdjustedNetwork {
   std::vector<AdjustedControl> control;
   std::vector<AdjustedObservation> residuals;  ///< by image, then point
   std::vector<RejectedObservation> rejected;
+  UncodedDots uncoded;
   std::vector<Warning> warnings;
 
   /// Full covariance: the estimated parameters of each camera in order, then 6 per mount and image (per station where the camera

@@ -1,4 +1,5 @@
 // The body of `adjust` in base/result_document.h.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -114,6 +115,7 @@ std::optional<ReferencePoint> read_point(const Json& json) {
     for (int j = i; j < 3; ++j) cov(i, j) = cov(j, i) = json["cov_mm2"][k++].get<double>();
   }
   point.cov_mm2 = cov;
+  point.has_own_id = !(json.contains("kind") && json["kind"] == "uncoded");
   return point;
 }
 
@@ -145,6 +147,11 @@ Json network_json(const AdjustedNetwork& network) {
   for (const auto& r : network.rejected) {
     json["rejected"].push_back({{"image", r.image}, {"id", r.id}, {"reason", r.reason}, {"w", r.w}});
   }
+  json["uncoded"] = {{"found", network.uncoded.found},
+                     {"matched", network.uncoded.matched},
+                     {"targets", network.uncoded.targets},
+                     {"ambiguous", std::count_if(network.uncoded.left.begin(), network.uncoded.left.end(),
+                                                 [](const UnmatchedDot& dot) { return dot.ambiguous; })}};
   return json;
 }
 

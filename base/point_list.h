@@ -17,6 +17,8 @@ struct ReferencePoint {
   int id = 0;
   Eigen::Vector3d xyz_mm = Eigen::Vector3d::Zero();
   std::optional<Eigen::Matrix3d> cov_mm2;  ///< nothing where the list gives no sigmas
+  /// False: an uncoded target, numbered by the adjustment that found it; its number says nothing in another list.
+  bool has_own_id = true;
 };
 
 /// A list of known points, sorted by id.

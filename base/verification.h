@@ -20,6 +20,18 @@ struct Deviation {
   Eigen::Vector3d untransformed_mm = Eigen::Vector3d::Zero();  ///< measured - reference as they stand
   Eigen::Vector3d sigma_mm = Eigen::Vector3d::Zero();  ///< predicted, of both sides where given; 0 where neither gives any
   bool used = true;                                    ///< in the fit
+  int reference_id = 0;  ///< of its partner: its own id, but for a point that was paired by position
+};
+
+/// Points without ids of their own (uncoded targets), each with the nearest point of the reference after the fit.
+struct PositionComparison {
+  double gate_mm = 0.0;           ///< partners lie nearer than this
+  std::vector<Deviation> points;  ///< sorted by id; none is used in the fit
+  std::vector<int> unpaired;      ///< measured, with no free partner inside of the gate
+  Eigen::Vector3d rms_mm = Eigen::Vector3d::Zero();
+  double rms3d_mm = 0.0;
+  double max_mm = 0.0;
+  double normalised_rms = 0.0;  ///< as Verification::normalised_rms
 };
 
 /// A distance between two points that did not serve to define the scale.
@@ -43,6 +55,7 @@ struct Verification {
   std::vector<LengthDeviation> lengths;
   std::vector<int> only_measured;  ///< ids without a partner
   std::vector<int> only_reference;
+  PositionComparison by_position;
   Eigen::Vector3d rms_mm = Eigen::Vector3d::Zero();  ///< per axis, over the used points
   double rms3d_mm = 0.0;
   double max_mm = 0.0;          ///< largest 3D deviation

@@ -20,6 +20,24 @@ Json deviation_json(const Deviation& d) {
           {"used", d.used}};
 }
 
+Json by_position_json(const PositionComparison& comparison) {
+  Json json;
+  json["gate_mm"] = comparison.gate_mm;
+  json["count"] = comparison.points.size();
+  json["rms_mm"] = list_json(comparison.rms_mm);
+  json["rms3d_mm"] = comparison.rms3d_mm;
+  json["max_mm"] = comparison.max_mm;
+  json["normalised_rms"] = comparison.normalised_rms;
+  json["points"] = Json::array();
+  for (const auto& deviation : comparison.points) {
+    Json point = deviation_json(deviation);
+    point["reference_id"] = deviation.reference_id;
+    json["points"].push_back(std::move(point));
+  }
+  json["unpaired"] = comparison.unpaired;
+  return json;
+}
+
 Json length_json(const LengthDeviation& l) {
   return {{"a", l.id_a},
           {"b", l.id_b},
@@ -52,6 +70,7 @@ Json verification_json(const Verification& verification) {
   for (const auto& length : verification.lengths) json["lengths"].push_back(length_json(length));
   json["points"] = Json::array();
   for (const auto& deviation : verification.points) json["points"].push_back(deviation_json(deviation));
+  json["by_position"] = by_position_json(verification.by_position);
   json["only_measured"] = verification.only_measured;
   json["only_reference"] = verification.only_reference;
   return json;

@@ -16,6 +16,7 @@
 #include "bundle/detail/start.h"
 #include "bundle/detail/survey.h"
 #include "bundle/detail/triangulate.h"
+#include "bundle/detail/uncoded.h"
 #include "bundle/detail/weights.h"
 
 namespace crosstie::bundle {
@@ -113,6 +114,19 @@ Result<Estimate> snoop(const Survey& survey, const AdjustOptions& options, Weigh
   }
   return fail(ErrorCode::kNoUniqueSolution,
               "the rejection of outliers does not come to an end; most observations contradict each other");
+}
+
+/// Data snooping of the image points reduced to circle centres; what was rejected and fits after all is taken back.
+Result<Estimate> snoop_all(Survey& survey, const AdjustOptions& options, Weights& weights, ModelPlan& plan, State& state,
+                           Reasons& reasons, const Progress& progress) {
+  detail::reduce_to_circle_centres(survey, state);
+  auto at = snoop(survey, options, weights, plan, state, reasons, progress);
+  if (!at) return at;
+  detail::reduce_to_circle_centres(survey, state);
+  if (!options.reject_outliers) return at;
+  const auto w = detail::standardised_of_rays(survey, state, *at, weights);
+  if (detail::readmit(survey, options, w, at->sigma0(), at->redundancy, reasons, state) == 0) return at;
+  return snoop(survey, options, weights, plan, state, reasons, progress);
 }
 
 /// Least squares with the variance component in balance.
@@ -255,14 +269,15 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
     robust_px = detail::robust_sigma_px(*survey, *state);
   }
   // The network is good enough to tell how far ellipses' centres lie from circles' centres.
-  detail::reduce_to_circle_centres(*survey, *state);
-  auto at = snoop(*survey, options, weights, *plan, *state, reasons, progress);
+  auto at = snoop_all(*survey, options, weights, *plan, *state, reasons, progress);
   if (!at) return fail(std::move(at));
-  detail::reduce_to_circle_centres(*survey, *state);
-  if (options.reject_outliers) {
-    const auto w = detail::standardised_of_rays(*survey, *state, *at, weights);
-    if (detail::readmit(*survey, options, w, at->sigma0(), at->redundancy, reasons, *state) > 0) {
-      at = snoop(*survey, options, weights, *plan, *state, reasons, progress);
+  base::UncodedDots uncoded;
+  if (options.uncoded) {
+    const auto matches = detail::match_uncoded(network, *survey, *state, *at, weights, options, progress);
+    uncoded = detail::summary(matches, *survey);
+    if (!matches.targets.empty()) {
+      detail::enter_uncoded(matches, *survey, *state, weights, reasons);
+      at = snoop_all(*survey, options, weights, *plan, *state, reasons, progress);
       if (!at) return fail(std::move(at));
     }
   }
@@ -281,16 +296,18 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
     if (auto ok = bring_to_size(*survey, *state); !ok) return fail(std::move(ok));
   }
   if (!controlled && survey->datum.empty()) {
-    detail::transform(*state, detail::principal_frame_from_network(*survey, *state));
+    detail::transform(*state, detail::principal_frame_from_network(*survey, detail::coded_only(*survey, *state)));
   } else if (!controlled) {
     if (auto ok = detail::move_onto_datum(*survey, *state, survey->scale_is_free); !ok) return fail(std::move(ok));
   }
   at = detail::estimate(*survey, *state, *plan, {false, options.max_iterations}, progress);
   if (!at) return fail(std::move(at));
-  if (auto ok = check_dot_diameter(*survey, *state); !ok) return fail(std::move(ok));
+  if (auto ok = check_dot_diameter(*survey, detail::coded_only(*survey, *state)); !ok) return fail(std::move(ok));
   detail::explain(*survey, *state, kAgreement * robust_px, reasons);
   auto result = detail::make_outcome(*survey, options, *state, *at, weights, reasons);
-  if (result) detail::diagnose(*survey, options, *state, *at, weights, *result);
+  if (!result) return result;
+  result->uncoded = std::move(uncoded);
+  detail::diagnose(*survey, options, *state, *at, weights, *result);
   return result;
 }
 

@@ -35,6 +35,16 @@ struct AdjustOptions {
   /// false: every observation that can be computed takes part, whatever its residual.
   bool reject_outliers = true;
 
+<<<<<<< HEAD
+=======
+  /// true: dots without a code are matched between the images once the coded markers have oriented them, and adjusted with the
+  /// rest. Default: true, since a group must be seen from three directions and be no chance (bundle/detail/uncoded.h).
+  bool uncoded = true;
+
+  /// Lens parameters held at their start value in every camera, by base::parameter_names ("k3", "p1"). Default: none.
+  std::vector<std::string> fixed_parameters = {};
+
+>>>>>>> 074a297 (Match uncoded dots between images and adjust them with the coded markers)
   /// Points whose rays meet at less than this are left out [rad]: their depth would be noise. Default: 1 degree.
   double min_angle_rad = 0.0175;
 
@@ -53,7 +63,7 @@ struct AdjustOptions {
   [[nodiscard]] base::Result<> validate() const;
 };
 
-/// Bundle adjustment of a network with self-calibration: image points of coded markers go in, points, poses and lens
+/// Bundle adjustment of a network with self-calibration: image points of markers go in, points, poses and lens
 /// parameters with their covariance come out. Start values of poses and points are not needed; cameras need a focal length
 /// good to some ten percent.
 ///
@@ -66,6 +76,10 @@ struct AdjustOptions {
 /// seventh inner constraint and the size that of a unit mean distance of the points from their centroid). Frame: origin in the
 /// points' centroid, axes along their principal axes: x the longest, z the shortest and towards the cameras; x so that ids grow
 /// along it.
+///
+/// Uncoded dots have no ids; images that agree on a place along their rays make one point of them (AdjustOptions::uncoded). These
+/// get ids from 1001 on, or from one past the next thousand above the largest coded id, in the order of x in the frame; the number
+/// of one that is rejected afterwards stays free. The frame is that of the coded points, with or without uncoded ones.
 ///
 /// Outliers: a robust start, then data snooping after Baarda with the a priori sigma and Pope's tau with the a posteriori one;
 /// everything rejected is listed with its reason in AdjustedNetwork::rejected.

@@ -145,6 +145,16 @@ Table rejected_table(const base::AdjustedNetwork& network) {
   return table;
 }
 
+Table unmatched_table(const base::AdjustedNetwork& network) {
+  Table table;
+  table.columns = {"image", "x_px", "y_px", "why"};
+  for (const base::UnmatchedDot& dot : network.uncoded.left) {
+    table.rows.push_back({dot.image, format_double(dot.centre_px.x()), format_double(dot.centre_px.y()),
+                          dot.ambiguous ? "ambiguous" : "unmatched"});
+  }
+  return table;
+}
+
 Table deviations_table(const base::Verification& verification) {
   Table table;
   table.columns = {"id",
@@ -164,8 +174,11 @@ Table deviations_table(const base::Verification& verification) {
                    "sigma_z_mm",
                    "untransformed_dx_mm",
                    "untransformed_dy_mm",
-                   "untransformed_dz_mm"};
-  for (const base::Deviation& one : verification.points) {
+                   "untransformed_dz_mm",
+                   "reference_id"};
+  std::vector<base::Deviation> all = verification.points;
+  all.insert(all.end(), verification.by_position.points.begin(), verification.by_position.points.end());
+  for (const base::Deviation& one : all) {
     std::vector<std::string> row = {std::to_string(one.id), one.used ? "yes" : "no"};
     append(row, one.reference_mm);
     append(row, one.measured_mm);
@@ -173,6 +186,7 @@ Table deviations_table(const base::Verification& verification) {
     row.push_back(format_double(one.deviation_mm.norm()));
     append(row, one.sigma_mm);
     append(row, one.untransformed_mm);
+    row.push_back(std::to_string(one.reference_id));
     table.rows.push_back(std::move(row));
   }
   return table;
@@ -204,7 +218,8 @@ Result<> write_bundle_tables(const std::filesystem::path& folder, const base::Ad
                             {"cameras.csv", cameras_table(network)},
                             {"residuals.csv", residuals_table(network)},
                             {"scale_bars.csv", scale_bars_table(network)},
-                            {"rejected.csv", rejected_table(network)}});
+                            {"rejected.csv", rejected_table(network)},
+                            {"unmatched.csv", unmatched_table(network)}});
 }
 
 Result<> write_verification_tables(const std::filesystem::path& folder, const base::Verification& verification) {

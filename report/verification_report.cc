@@ -19,6 +19,9 @@ std::string verification_report(const base::Verification& verification, const Re
   }
   page.section("lengths", "Test lengths", detail::verification_lengths_section(verification));
   page.section("points", "Points", detail::verification_points_section(verification));
+  if (!verification.by_position.points.empty() || !verification.by_position.unpaired.empty()) {
+    page.section("uncoded", "Uncoded targets", detail::verification_position_section(verification));
+  }
   page.section("partners", "Points without a partner", detail::verification_partners_section(verification));
   return page.html();
 }

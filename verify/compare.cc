@@ -69,11 +69,13 @@ Result<Fitted> fit_frame(const Partners& partners, int parameters, const Compare
   return fitted;
 }
 
-void add_deviations(const Partners& partners, const Fitted& fitted, Verification& result) {
+std::vector<Deviation> deviations(const Partners& partners, const Fitted& fitted, std::size_t first) {
+  std::vector<Deviation> result;
   const base::Pose& pose = fitted.frame.reference_from_measured;
-  for (std::size_t i = 0; i < partners.pairs.size(); ++i) {
+  for (std::size_t i = first; i < partners.pairs.size(); ++i) {
     Deviation deviation;
     deviation.id = partners.ids[i];
+    deviation.reference_id = partners.reference_ids[i];
     deviation.reference_mm = partners.pairs[i].a_mm;
     deviation.measured_mm = fitted.frame.scale * (pose.rotation * partners.pairs[i].b_mm) + pose.translation_mm;
     deviation.deviation_mm = deviation.measured_mm - deviation.reference_mm;
@@ -82,17 +84,20 @@ void add_deviations(const Partners& partners, const Fitted& fitted, Verification
       deviation.sigma_mm = fitted.predicted.deviation_cov_mm2[i].diagonal().cwiseMax(0.0).cwiseSqrt();
     }
     deviation.used = partners.used[i];
-    result.points.push_back(deviation);
+    result.push_back(deviation);
   }
+  return result;
 }
 
-void add_statistics(Verification& result) {
+/// The figures that Verification and PositionComparison share.
+template <typename Comparison>
+void add_statistics(const std::vector<Deviation>& points, bool used, Comparison& result) {
   Vector3d square_sum = Vector3d::Zero();
   double normalised = 0.0;
   int count = 0;
   int with_sigma = 0;
-  for (const Deviation& deviation : result.points) {
-    if (!deviation.used) continue;
+  for (const Deviation& deviation : points) {
+    if (deviation.used != used) continue;
     ++count;
     square_sum += deviation.deviation_mm.cwiseAbs2();
     result.max_mm = std::max(result.max_mm, deviation.deviation_mm.norm());
@@ -102,9 +107,36 @@ void add_statistics(Verification& result) {
       ++with_sigma;
     }
   }
+  if (count == 0) return;
   result.rms_mm = (square_sum / count).cwiseSqrt();
   result.rms3d_mm = std::sqrt(square_sum.sum() / count);
   if (with_sigma > 0) result.normalised_rms = std::sqrt(normalised / with_sigma);
+}
+
+/// Uncoded targets, with the fit as it stands.
+void compare_by_position(const base::PointList& measured, const base::PointList& reference, const CompareOptions& options,
+                         const Fitted& fitted, Partners& partners, Verification& result) {
+  const std::size_t first = partners.pairs.size();
+  result.by_position.gate_mm = options.position_gate_mm;
+  result.by_position.unpaired = detail::add_by_position(measured, reference, fitted.frame.reference_from_measured,
+                                                        fitted.frame.scale, options.position_gate_mm, partners);
+  result.only_reference = partners.only_reference;
+  if (partners.pairs.size() == first) return;
+  for (std::size_t i = first; i < partners.pairs.size(); ++i) {
+    if (options.measured_cov_mm2.size() == 0) break;
+    const auto row = 3 * static_cast<Eigen::Index>(partners.measured_index[i]);
+    partners.pairs[i].cov_b_mm2 = options.measured_cov_mm2.block<3, 3>(row, row);
+    partners.has_covariance[i] = true;
+  }
+  Fitted all = fitted;
+  all.predicted = detail::predict(partners, fitted.frame, options.measured_cov_mm2);
+  result.by_position.points = deviations(partners, all, first);
+  std::sort(result.by_position.points.begin(), result.by_position.points.end(),
+            [](const Deviation& a, const Deviation& b) { return a.id < b.id; });
+  add_statistics(result.by_position.points, false, result.by_position);
+}
+
+void add_length_statistics(Verification& result) {
   double length_square_sum = 0.0;
   for (const base::LengthDeviation& length : result.lengths) {
     const double error_mm = length.measured_mm - length.nominal_mm;
@@ -121,6 +153,9 @@ Result<> CompareOptions::validate() const {
     return fail(ErrorCode::kUsage, fmt::format("mpe a_mm is {}; it must be 0 or more", mpe.a_mm));
   }
   if (!(mpe.k > 0.0)) return fail(ErrorCode::kUsage, fmt::format("mpe k is {}; it must be positive", mpe.k));
+  if (!(position_gate_mm > 0.0)) {
+    return fail(ErrorCode::kUsage, fmt::format("position_gate_mm is {}; it must be positive", position_gate_mm));
+  }
   if (max_lengths < 0) return fail(ErrorCode::kUsage, fmt::format("max_lengths is {}; it must be 0 or more", max_lengths));
   return {};
 }
@@ -174,9 +209,11 @@ Result<Verification> compare(const base::PointList& measured, const base::PointL
     result.scale_ppm = (with_scale->frame.scale - 1.0) * kPartsPerMillion;
     result.scale_sigma_ppm = std::sqrt(std::max(0.0, with_scale->predicted.parameter_cov(6, 6))) * kPartsPerMillion;
   }
-  add_deviations(*partners, *fitted, result);
+  result.points = deviations(*partners, *fitted, 0);
   result.lengths = detail::test_lengths(*partners, fitted->frame.scale, options);
-  add_statistics(result);
+  add_statistics(result.points, true, result);
+  add_length_statistics(result);
+  compare_by_position(measured, reference, options, *fitted, *partners, result);
   return result;
 }
 

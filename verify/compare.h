@@ -40,6 +40,10 @@ struct CompareOptions {
   std::vector<std::pair<int, int>> defining_lengths = {};
   /// Largest number of test lengths; of more pairs an even selection over all lengths is taken, the longest included.
   int max_lengths = 2500;
+  /// Measured points without an id of their own (ReferencePoint::has_own_id) are compared with the nearest point of the reference
+  /// that no id claims, if it lies within this distance after the fit. Default: 0.5 mm, many times what a network is wrong by and
+  /// a fraction of the distance between two targets.
+  double position_gate_mm = 0.5;
   /// Covariance of all measured coordinates in mm^2, 3 per point in the order of `measured`, where it is known: it alone
   /// carries what the points have in common (their scale above all). Empty: the points of a list count as independent.
   Eigen::MatrixXd measured_cov_mm2 = {};
@@ -59,6 +63,9 @@ struct CompareOptions {
 /// that of the reference alone, and zero where the reference is exact.
 /// For kRigid the scale of a similarity fit is stated beside it as a check, with its sigma. The points of the reference count
 /// as independent of each other.
+///
+/// Uncoded targets have no common ids: they take no part in the fit and in the lengths, and their deviations from the nearest free
+/// point of the reference stand apart (Verification::by_position), with sigmas from the same propagation.
 ///
 /// Errors: no common id, an id twice, values that are not finite, a left-handed or mirrored list, units that differ by 25.4,
 /// 1000 or a similar factor (kBadInput, naming the cause); fewer than 3 common points or points on one line

@@ -28,26 +28,28 @@ std::optional<Matrix23> projection_jacobian(const Survey& survey, const State& s
   return jacobian;
 }
 
-/// r^2 (I - n n') in network from the ellipses of the rays.
-std::optional<Matrix3d> circle(const Survey& survey, const State& state, const std::vector<int>& rays, const Vector3d& point) {
+}  // namespace
+
+std::optional<Matrix3d> circle_of(const Survey& survey, const State& state, std::span<const SeenEllipse> ellipses,
+                                  const Vector3d& point) {
+  if (ellipses.size() < kLeastImages) return std::nullopt;
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
-  for (const int r : rays) {
-    const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
-    const base::Pose camera_from_network = state.poses[static_cast<std::size_t>(ray.image)]->inverse();
-    const auto in_camera = projection_jacobian(survey, state, ray.image, camera_from_network * point);
+  for (const SeenEllipse& ellipse : ellipses) {
+    const base::Pose camera_from_network = state.poses[static_cast<std::size_t>(ellipse.image)]->inverse();
+    const auto in_camera = projection_jacobian(survey, state, ellipse.image, camera_from_network * point);
     if (!in_camera) continue;
     const Matrix23 j = *in_camera * camera_from_network.rotation.toRotationMatrix();
     // Each element (a, b) of S is the sum over M's six numbers; relative to the ellipse's size, so that near images do not
     // rule.
-    const double scale = 1.0 / ray.shape_px2.trace();
+    const double scale = 1.0 / ellipse.shape_px2.trace();
     for (const auto& [a, b] : {std::pair{0, 0}, std::pair{0, 1}, std::pair{1, 1}}) {
       Eigen::Matrix<double, 6, 1> row;
       row << j(a, 0) * j(b, 0), j(a, 0) * j(b, 1) + j(a, 1) * j(b, 0), j(a, 0) * j(b, 2) + j(a, 2) * j(b, 0), j(a, 1) * j(b, 1),
           j(a, 1) * j(b, 2) + j(a, 2) * j(b, 1), j(a, 2) * j(b, 2);
       row *= scale;
       normal += row * row.transpose();
-      right += row * (scale * ray.shape_px2(a, b));
+      right += row * (scale * ellipse.shape_px2(a, b));
     }
   }
   const Eigen::FullPivLU<Eigen::Matrix<double, 6, 6>> factor(normal);
@@ -65,16 +67,19 @@ std::optional<Matrix3d> circle(const Survey& survey, const State& state, const s
   return Matrix3d(0.5 * (small + large) * (Matrix3d::Identity() - normal_direction * normal_direction.transpose()));
 }
 
+namespace {
+
 /// The same of all active rays of a point.
 std::optional<Matrix3d> circle_of_point(const Survey& survey, const State& state, std::size_t point) {
   if (!state.points[point]) return std::nullopt;
-  std::vector<int> rays;
+  std::vector<SeenEllipse> ellipses;
   for (const int r : survey.rays_of_point[point]) {
     const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
-    if (state.active[static_cast<std::size_t>(r)] && state.knows(ray) && ray.shape_px2.trace() > 0.0) rays.push_back(r);
+    if (state.active[static_cast<std::size_t>(r)] && state.knows(ray) && ray.shape_px2.trace() > 0.0) {
+      ellipses.push_back({ray.image, ray.shape_px2});
+    }
   }
-  if (rays.size() < kLeastImages) return std::nullopt;
-  return circle(survey, state, rays, *state.points[point]);
+  return circle_of(survey, state, ellipses, *state.points[point]);
 }
 
 /// From the image of the circle's centre to the centre of its ellipse.

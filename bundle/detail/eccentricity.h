@@ -1,6 +1,9 @@
 #pragma once
 
 #include <optional>
+#include <span>
+
+#include <Eigen/Core>
 
 #include "bundle/detail/state.h"
 #include "bundle/detail/survey.h"
@@ -23,5 +26,15 @@ double reduce_to_circle_centres(Survey& survey, const State& state);
 
 /// Median diameter of the points' circles, by the same circles; nothing where none is determined.
 std::optional<double> dot_diameter_mm(const Survey& survey, const State& state);
+
+/// An ellipse as Ray::shape_px2, in an oriented image.
+struct SeenEllipse {
+  int image = 0;
+  Eigen::Matrix2d shape_px2 = Eigen::Matrix2d::Zero();
+};
+
+/// The circle M = r^2 (I - n n') in network about `point` that appears as these ellipses; nothing where they determine none.
+std::optional<Eigen::Matrix3d> circle_of(const Survey& survey, const State& state, std::span<const SeenEllipse> ellipses,
+                                         const Eigen::Vector3d& point);
 
 }  // namespace crosstie::bundle::detail

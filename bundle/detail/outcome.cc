@@ -149,6 +149,7 @@ Places add_images_and_points(const Survey& survey, const State& state, const Est
     places.point[p] = static_cast<int>(result.points.size());
     base::AdjustedPoint point;
     point.id = survey.ids[p];
+    if (p >= survey.coded_points) point.kind = "uncoded";
     point.xyz_mm = *state.points[p];
     point.cov_mm2 = variance * cofactors_of(at, cofactors, {block});
     std::vector<int> rays;
@@ -237,6 +238,7 @@ Result<AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& 
   result.sigma0 = at.sigma0();
   result.sigma0_px = result.sigma0 * weights.unit_sigma_px(state.active);
   result.model_sigma_px = weights.model_sigma_px();
+  result.uncoded_model_sigma_px = weights.uncoded_model_sigma_px();
   result.observations = at.observations;
   result.unknowns = at.unknowns;
   result.conditions = static_cast<int>(at.equations.null_space().cols());

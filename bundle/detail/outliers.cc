@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kUncontrolled = 1e-3;  // redundancy below which a residual says nothing
 constexpr int kLeastRaysOfImage = 4;
+constexpr std::size_t kLeastRaysOfUncoded = 3;  // two rays have one condition only, and no id says that they belong together
 
 std::vector<int> active_rays(const State& state, const std::vector<int>& rays) {
   std::vector<int> active;
@@ -116,6 +117,8 @@ void prune(const Survey& survey, const AdjustOptions& options, State& state, Rea
           oriented += state.poses[static_cast<std::size_t>(survey.rays[static_cast<std::size_t>(r)].image)] ? 1U : 0U;
         }
         reason = oriented < 2 ? "one ray only" : "one ray only: its other rays do not agree with it";
+      } else if (p >= survey.coded_points && rays.size() < kLeastRaysOfUncoded) {
+        reason = "uncoded target with two rays only: its other rays do not agree with them";
       } else if (largest_angle(survey, state, rays) < options.min_angle_rad) {
         reason = fmt::format("rays nearly parallel: they meet at less than {:.2g} degrees",
                              options.min_angle_rad * 180.0 / 3.14159265358979);

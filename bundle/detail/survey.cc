@@ -45,17 +45,7 @@ void repair_covariances(Survey& survey) {
          fmt::format("{} of {} image points came without a usable covariance; {:.3g} px is assumed for each of them",
                      survey.rays.size() - sigmas.size(), survey.rays.size(), typical)});
   }
-  for (Ray& ray : survey.rays) {
-    if (!usable(ray.cov_px2) || ray.cov_px2.trace() < 2.0 * std::pow(kIncredible * typical, 2)) {
-      ray.cov_px2 = typical * typical * Eigen::Matrix2d::Identity();
-      continue;
-    }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(ray.cov_px2);
-    const double least = std::pow(kLeastShareOfMedian * typical, 2);
-    if (eigen.eigenvalues()(0) < least) {
-      ray.cov_px2 = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() * eigen.eigenvectors().transpose();
-    }
-  }
+  for (Ray& ray : survey.rays) ray.cov_px2 = usable_covariance(ray.cov_px2, typical);
 }
 
 Result<> add_cameras(const base::Network& network, Survey& survey) {
@@ -67,18 +57,6 @@ Result<> add_cameras(const base::Network& network, Survey& survey) {
     }
   }
   return {};
-}
-
-/// The ellipse as a matrix; zero where its axes are not known.
-Eigen::Matrix2d shape_of(const base::Observation& observation) {
-  if (!(observation.semi_minor_px > 0.0) || !std::isfinite(observation.semi_major_px) ||
-      !std::isfinite(observation.angle_rad)) {
-    return Eigen::Matrix2d::Zero();
-  }
-  const Eigen::Matrix2d axes = Eigen::Rotation2Dd(observation.angle_rad).toRotationMatrix();
-  const Eigen::Vector2d squares(observation.semi_major_px * observation.semi_major_px,
-                                observation.semi_minor_px * observation.semi_minor_px);
-  return axes * squares.asDiagonal() * axes.transpose();
 }
 
 Result<> add_images(const base::Network& network, Survey& survey) {
@@ -364,6 +342,27 @@ int Survey::point_of(int id) const {
   return found != ids.end() && *found == id ? static_cast<int>(found - ids.begin()) : -1;
 }
 
+Eigen::Matrix2d usable_covariance(const Eigen::Matrix2d& cov_px2, double typical_px) {
+  if (!usable(cov_px2) || cov_px2.trace() < 2.0 * std::pow(kIncredible * typical_px, 2)) {
+    return typical_px * typical_px * Eigen::Matrix2d::Identity();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(cov_px2);
+  const double least = std::pow(kLeastShareOfMedian * typical_px, 2);
+  if (eigen.eigenvalues()(0) >= least) return cov_px2;
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+Eigen::Matrix2d shape_of(const base::Observation& observation) {
+  if (!(observation.semi_minor_px > 0.0) || !std::isfinite(observation.semi_major_px) ||
+      !std::isfinite(observation.angle_rad)) {
+    return Eigen::Matrix2d::Zero();
+  }
+  const Eigen::Matrix2d axes = Eigen::Rotation2Dd(observation.angle_rad).toRotationMatrix();
+  const Eigen::Vector2d squares(observation.semi_major_px * observation.semi_major_px,
+                                observation.semi_minor_px * observation.semi_minor_px);
+  return axes * squares.asDiagonal() * axes.transpose();
+}
+
 Result<Survey> make_survey(const base::Network& network) {
   Survey survey;
   survey.dot_diameter_mm = network.dot_diameter_mm;
@@ -381,6 +380,7 @@ Result<Survey> make_survey(const base::Network& network) {
     if (auto ok = add(network, survey); !ok) return fail(std::move(ok));
   }
   repair_covariances(survey);
+  survey.coded_points = survey.ids.size();
   return survey;
 }
 

@@ -65,7 +65,9 @@ struct Survey {
   std::vector<base::NetworkCamera> cameras;  ///< sorted by name
   std::vector<std::string> images;           ///< sorted
   std::vector<int> camera_of_image;
-  std::vector<int> ids;   ///< of the points, ascending
+  std::vector<int> ids;  ///< of the points, ascending
+  /// The points before this index have ids of their own; those from it on are uncoded targets (uncoded.h).
+  std::size_t coded_points = 0;
   std::vector<Ray> rays;  ///< by image, then point
   std::vector<std::vector<int>> rays_of_image;
   std::vector<std::vector<int>> rays_of_point;
@@ -98,5 +100,11 @@ struct Survey {
 /// network's median; a sigma below a third of that median is raised to it, since no detector is that much better on one marker
 /// of many.
 base::Result<Survey> make_survey(const base::Network& network);
+
+/// The same for the covariance of one more image point, where `typical_px` is the network's median sigma.
+Eigen::Matrix2d usable_covariance(const Eigen::Matrix2d& cov_px2, double typical_px);
+
+/// The ellipse of an observation as Ray::shape_px2; zero where its axes are not known.
+Eigen::Matrix2d shape_of(const base::Observation& observation);
 
 }  // namespace crosstie::bundle::detail

@@ -110,6 +110,12 @@ std::vector<KeyFigure> bundle_key_figures(const AdjustedNetwork& network) {
       {"Rejected image points", std::to_string(network.rejected.size()),
        fmt::format("{} % of {}", fixed(all > 0.0 ? 100.0 * rejected / all : 0.0, 2), counted(static_cast<long long>(all))),
        ""});
+  if (network.uncoded.found > 0) {
+    figures.push_back({"Uncoded targets", counted(network.uncoded.targets),
+                       fmt::format("{} of {} dots without a readable code belong to them", counted(network.uncoded.matched),
+                                   counted(network.uncoded.found)),
+                       ""});
+  }
   figures.push_back(
       {"Scale", network.scale,
        fmt::format("{} scale bar{} in the list below", network.scale_bars.size(), network.scale_bars.size() == 1 ? "" : "s"),
@@ -178,7 +184,14 @@ std::string bundle_scale_section(const AdjustedNetwork& network) {
 }
 
 std::string bundle_rejected_section(const AdjustedNetwork& network) {
-  if (network.rejected.empty()) return paragraph("No observation was rejected.");
+  const std::string unmatched =
+      network.uncoded.left.empty()
+          ? std::string()
+          : paragraph(
+                fmt::format("{} dots without a readable code belong to no point: glare, holes, targets that fewer than three "
+                            "images show. They stand in unmatched.csv.",
+                            counted(static_cast<long long>(network.uncoded.left.size()))));
+  if (network.rejected.empty()) return paragraph("No observation was rejected.") + unmatched;
   HtmlTable table(
       "Observations that took no part, with the reason. w is the standardised residual against the network without them.",
       {{"Image", "", "", false}, {"Id", ""}, {"Reason", "", "", false}, {"w", ""}});
@@ -187,7 +200,7 @@ std::string bundle_rejected_section(const AdjustedNetwork& network) {
     table.add_row({text_cell(one.image), number_cell(std::to_string(one.id), one.id), text_cell(one.reason),
                    one.w != 0.0 ? number_cell(significant(one.w, 3), one.w) : text_cell("\u2013")});
   }
-  return table.html();
+  return table.html() + unmatched;
 }
 
 }  // namespace crosstie::report::detail

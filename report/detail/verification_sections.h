@@ -15,6 +15,7 @@ std::string verification_plan_section(const base::Verification& verification);
 std::string verification_statistics_section(const base::Verification& verification);
 std::string verification_points_section(const base::Verification& verification);
 std::string verification_lengths_section(const base::Verification& verification);
+std::string verification_position_section(const base::Verification& verification);
 std::string verification_partners_section(const base::Verification& verification);
 
 /// Magnification at which the deviations can be seen.

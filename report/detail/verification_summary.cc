@@ -173,7 +173,10 @@ std::string verification_partners_section(const Verification& verification) {
   }
   return paragraph("Only measured: " + joined(verification.only_measured) + ".") +
          paragraph("Only in the reference: " + joined(verification.only_reference) + ".") +
-         paragraph("In both, but left out of fit and statistics: " + joined(excluded) + ".");
+         paragraph("In both, but left out of fit and statistics: " + joined(excluded) + ".") +
+         (verification.by_position.unpaired.empty()
+              ? std::string()
+              : paragraph("Uncoded, with no point of the reference near: " + joined(verification.by_position.unpaired) + "."));
 }
 
 }  // namespace crosstie::report::detail

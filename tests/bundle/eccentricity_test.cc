@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
+#include "tests/bundle/sampled_ellipse.h"
+
 namespace crosstie::bundle::detail {
 namespace {
 
@@ -13,35 +15,10 @@ using Eigen::Vector3d;
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// The conic through the images of points on a circle, found without any formula for projected circles.
-struct SampledEllipse {
-  Vector2d centre_px;
-  Eigen::Matrix2d shape_px2;
-};
-
-SampledEllipse ellipse_through(const std::vector<Vector2d>& points) {
-  Vector2d mean = Vector2d::Zero();
-  for (const Vector2d& point : points) mean += point / static_cast<double>(points.size());
-  // a x^2 + b x y + c y^2 + d x + e y = 1 about the mean
-  Eigen::MatrixXd rows(static_cast<Eigen::Index>(points.size()), 5);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vector2d p = points[i] - mean;
-    rows.row(static_cast<Eigen::Index>(i)) << p.x() * p.x(), p.x() * p.y(), p.y() * p.y(), p.x(), p.y();
-  }
-  const Eigen::VectorXd conic = rows.colPivHouseholderQr().solve(Eigen::VectorXd::Ones(rows.rows()));
-  Eigen::Matrix2d quadratic;
-  quadratic << conic(0), 0.5 * conic(1), 0.5 * conic(1), conic(2);
-  const Vector2d centre = -0.5 * quadratic.inverse() * conic.tail<2>();
-  const double level = 1.0 + centre.dot(quadratic * centre);
-  return {mean + centre, (quadratic / level).inverse()};
-}
-
 TEST(Eccentricity, IsTakenOffTheCentresOfSampledEllipses) {
   const double radius_mm = 12.0;
   const Vector3d point(40.0, -30.0, 15.0);
   const Vector3d normal = Vector3d(0.3, -0.4, 1.0).normalized();
-  const Vector3d u = normal.unitOrthogonal();
-  const Vector3d v = normal.cross(u);
 
   Survey survey;
   const auto camera =
@@ -63,12 +40,7 @@ TEST(Eccentricity, IsTakenOffTheCentresOfSampledEllipses) {
     axes.col(1) = axes.col(2).cross(axes.col(0));
     const base::Pose network_from_camera{Eigen::Quaterniond(axes), position};
     const base::Pose camera_from_network = network_from_camera.inverse();
-    std::vector<Vector2d> rim;
-    for (int k = 0; k < 60; ++k) {
-      const double angle = 2.0 * kPi * k / 60.0;
-      rim.push_back(*camera->project(camera_from_network * (point + radius_mm * (std::cos(angle) * u + std::sin(angle) * v))));
-    }
-    const SampledEllipse ellipse = ellipse_through(rim);
+    const auto ellipse = tests::ellipse_through(tests::rim_px(*camera, camera_from_network, point, normal, radius_mm));
     Ray ray;
     ray.image = i;
     ray.ellipse_px = ray.measured_px = ellipse.centre_px;

@@ -16,7 +16,8 @@ bool warns(const base::AdjustedNetwork& result, const std::string& code) {
 }
 
 /// Control points one by one, each with the same sigma.
-std::vector<base::ControlGroup> control_of(const tests::SyntheticNetwork& synthetic, std::initializer_list<std::size_t> which, double sigma_mm) {
+std::vector<base::ControlGroup> control_of(const tests::SyntheticNetwork& synthetic, std::initializer_list<std::size_t> which,
+                                           double sigma_mm) {
   std::vector<base::ControlGroup> groups;
   for (const std::size_t i : which) {
     groups.push_back({{synthetic.ids[i]}, synthetic.points[i], sigma_mm * sigma_mm * Eigen::Matrix3d::Identity()});
@@ -46,7 +47,8 @@ TEST(Rig, IsFoundAndSharedByAllStations) {
   ASSERT_TRUE(free);
   double better = 0.0;
   for (std::size_t p = 0; p < free->points.size(); ++p) {
-    const double ratio = std::sqrt(rig->points[p].cov_mm2.trace() / free->points[p].cov_mm2.trace()) / (rig->sigma0 / free->sigma0);
+    const double ratio =
+        std::sqrt(rig->points[p].cov_mm2.trace() / free->points[p].cov_mm2.trace()) / (rig->sigma0 / free->sigma0);
     EXPECT_LT(ratio, 1.0 + 1e-6);
     better = std::max(better, 1.0 - ratio);
   }
@@ -77,7 +79,12 @@ TEST(Rig, ThatCannotBeIsNamed) {
   refused([](base::NetworkRig& rig) { rig.cameras = {"c0", "c7"}; }, "c7");
   refused([](base::NetworkRig& rig) { rig.stations[1] = {"i02", "i99"}; }, "i99");
   refused([](base::NetworkRig& rig) { rig.stations[1] = {"i00", "i03"}; }, "two stations");
-  refused([](base::NetworkRig& rig) { rig.stations[0] = {"i00", "i02"}; rig.stations[1] = {}; }, "same camera");
+  refused(
+      [](base::NetworkRig& rig) {
+        rig.stations[0] = {"i00", "i02"};
+        rig.stations[1] = {};
+      },
+      "same camera");
 }
 
 TEST(Control, DefinesFrameAndScale) {
@@ -132,7 +139,8 @@ TEST(Control, FromAFreeNetworkIsUsedUpToItsDatum) {
   // Twice the photographs: sigmas shrink by the root of two where nothing else is in play.
   double ratio = 0.0;
   for (std::size_t p = 0; p < result->points.size(); ++p) {
-    ratio += std::sqrt(result->points[p].cov_mm2.trace() / source->points[p].cov_mm2.trace()) / static_cast<double>(result->points.size());
+    ratio += std::sqrt(result->points[p].cov_mm2.trace() / source->points[p].cov_mm2.trace()) /
+             static_cast<double>(result->points.size());
   }
   EXPECT_GT(ratio, 0.6);
   EXPECT_LT(ratio, 0.95);
@@ -145,7 +153,8 @@ TEST(Control, ThatContradictsTheImagesIsNamed) {
   const auto result = adjust(synthetic.network);
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_TRUE(warns(*result, "contradicting_control"));
-  const auto worst = std::max_element(result->control.begin(), result->control.end(), [](const auto& a, const auto& b) { return a.w < b.w; });
+  const auto worst =
+      std::max_element(result->control.begin(), result->control.end(), [](const auto& a, const auto& b) { return a.w < b.w; });
   EXPECT_EQ(worst->id, synthetic.ids[14]);
   EXPECT_GT(worst->w, 10.0);
 }
@@ -167,7 +176,8 @@ TEST(Datum, OfReferencePointsIsTheBestFitToThem) {
   auto synthetic = tests::make_synthetic({});
   const base::Pose moved{base::rotation_exp({0.3, -1.1, 0.4}), {500.0, -200.0, 70.0}};
   for (const std::size_t i : {0U, 3U, 11U, 20U, 29U}) {
-    synthetic.network.datum.push_back({synthetic.ids[i], moved * synthetic.points[i] + Eigen::Vector3d(0.02 * static_cast<double>(i % 3), 0.01, 0.0)});
+    synthetic.network.datum.push_back(
+        {synthetic.ids[i], moved * synthetic.points[i] + Eigen::Vector3d(0.02 * static_cast<double>(i % 3), 0.01, 0.0)});
   }
   const auto result = adjust(synthetic.network);
   ASSERT_TRUE(result) << result.error().message;
@@ -198,7 +208,8 @@ TEST(Datum, ThatLeavesTheFrameFreeIsRefused) {
 TEST(Datum, FitsTheSizeOfAFreeScale) {
   auto synthetic = tests::make_synthetic({.bars = false});
   synthetic.network.scale_is_free = true;
-  for (std::size_t i = 0; i < synthetic.ids.size(); ++i) synthetic.network.datum.push_back({synthetic.ids[i], synthetic.points[i]});
+  for (std::size_t i = 0; i < synthetic.ids.size(); ++i)
+    synthetic.network.datum.push_back({synthetic.ids[i], synthetic.points[i]});
   const auto result = adjust(synthetic.network);
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_EQ(result->conditions, 7);

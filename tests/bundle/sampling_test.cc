@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include <gtest/gtest.h>
-#include <Eigen/Eigenvalues>
 
 #include "bundle/adjust.h"
 #include "math/distributions.h"
 #include "math/rigid_alignment.h"
+#include "tests/bundle/normalised_square.h"
 #include "tests/bundle/synthetic_network.h"
 
 namespace crosstie::bundle {
@@ -53,33 +53,6 @@ std::vector<base::DatumPoint> datum_points(const tests::SyntheticNetwork& synthe
           {synthetic.ids[last], place(last), {false, true, true}},
           {synthetic.ids[last - 4], place(last - 4), {false, true, false}},
           {synthetic.ids[2], place(2), {true, false, false}}};
-}
-
-/// e' Q^+ e without what the datum holds: coordinates without variance, and the `defect` least eigenvalues.
-double normalised_square(const Eigen::VectorXd& error, const Eigen::MatrixXd& covariance, int defect) {
-  std::vector<Eigen::Index> varying;
-  for (Eigen::Index i = 0; i < error.size(); ++i) {
-    if (covariance(i, i) > 1e-15) {
-      varying.push_back(i);
-    } else {
-      EXPECT_LT(std::abs(error(i)), 1e-9) << i;
-    }
-  }
-  const Eigen::MatrixXd q = covariance(varying, varying);
-  const Eigen::VectorXd sigma = q.diagonal().cwiseSqrt();
-  const Eigen::MatrixXd correlation = sigma.cwiseInverse().asDiagonal() * q * sigma.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(correlation);
-  const int left = defect - static_cast<int>(error.size() - q.rows());
-  if (left > 0) {
-    EXPECT_LT(std::abs(eigen.eigenvalues()(left - 1)), 1e-10);
-  }
-  EXPECT_GT(eigen.eigenvalues()(left), 1e-10);
-  const Eigen::VectorXd scaled = error(varying).cwiseQuotient(sigma);
-  double sum = 0.0;
-  for (Eigen::Index i = left; i < scaled.size(); ++i) {
-    sum += std::pow(eigen.eigenvectors().col(i).dot(scaled), 2) / eigen.eigenvalues()(i);
-  }
-  return sum;
 }
 
 /// The motion that brings the truth into the datum of the result.
@@ -155,14 +128,22 @@ void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool s
     const Eigen::MatrixXd covariance = result->covariance / (result->sigma0 * result->sigma0);
     const Eigen::VectorXd error = errors(synthetic, *result, result_from_truth(synthetic, *result, datum, scale_is_free));
     const int defect = result->conditions;
+<<<<<<< HEAD
     ASSERT_EQ(defect, datum == Datum::kControl ? 0 : scale_is_free ? 7 : 6);
     all += normalised_square(error, covariance, defect);
     const auto count = static_cast<Eigen::Index>(3 * result->points.size());
     points += normalised_square(error.tail(count), covariance.bottomRightCorner(count, count), defect);
     const auto of_poses =
         static_cast<Eigen::Index>(6 * result->images.size() / std::max<std::size_t>(1, synthetic.rig_from_camera.size()));
+=======
+    ASSERT_EQ(defect, scale_is_free ? 7 : 6);
+    all += tests::normalised_square(error, covariance, defect);
+    const auto count = static_cast<Eigen::Index>(3 * result->points.size());
+    points += tests::normalised_square(error.tail(count), covariance.bottomRightCorner(count, count), defect);
+    const auto of_poses = static_cast<Eigen::Index>(6 * result->images.size());
+>>>>>>> 074a297 (Match uncoded dots between images and adjust them with the coded markers)
     const Eigen::Index first = error.size() - count - of_poses;
-    poses += normalised_square(error.segment(first, of_poses), covariance.block(first, first, of_poses, of_poses), 0);
+    poses += tests::normalised_square(error.segment(first, of_poses), covariance.block(first, first, of_poses, of_poses), 0);
     dof_all += result->unknowns - defect;
     dof_points += static_cast<int>(count) - defect;
     dof_poses += static_cast<int>(of_poses);

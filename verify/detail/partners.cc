@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
+#include <tuple>
 
 #include <fmt/format.h>
 
@@ -26,6 +28,18 @@ Result<std::map<int, std::size_t>> index_by_id(const PointList& list, const char
     }
   }
   return index;
+}
+
+void add(const PointList& measured, std::size_t m, const ReferencePoint& in_reference, bool used, Partners& partners) {
+  const ReferencePoint& in_measured = measured.points[m];
+  const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
+  partners.ids.push_back(in_measured.id);
+  partners.reference_ids.push_back(in_reference.id);
+  partners.pairs.push_back(
+      {in_reference.xyz_mm, in_measured.xyz_mm, in_reference.cov_mm2.value_or(zero), in_measured.cov_mm2.value_or(zero)});
+  partners.measured_index.push_back(m);
+  partners.has_covariance.push_back(in_reference.cov_mm2.has_value() || in_measured.cov_mm2.has_value());
+  partners.used.push_back(used);
 }
 
 std::string id_range(const PointList& list) {
@@ -53,23 +67,18 @@ Result<Partners> match_by_id(const PointList& measured, const PointList& referen
 
   Partners partners;
   for (const auto& [id, m] : *measured_index) {
+    if (!measured.points[m].has_own_id) continue;
     const auto r = reference_index->find(id);
     if (r == reference_index->end()) {
       partners.only_measured.push_back(id);
       continue;
     }
-    const ReferencePoint& in_measured = measured.points[m];
-    const ReferencePoint& in_reference = reference.points[r->second];
-    const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
-    partners.ids.push_back(id);
-    partners.pairs.push_back(
-        {in_reference.xyz_mm, in_measured.xyz_mm, in_reference.cov_mm2.value_or(zero), in_measured.cov_mm2.value_or(zero)});
-    partners.measured_index.push_back(m);
-    partners.has_covariance.push_back(in_reference.cov_mm2.has_value() || in_measured.cov_mm2.has_value());
-    partners.used.push_back(std::find(exclude_ids.begin(), exclude_ids.end(), id) == exclude_ids.end());
+    const bool used = std::find(exclude_ids.begin(), exclude_ids.end(), id) == exclude_ids.end();
+    add(measured, m, reference.points[r->second], used, partners);
   }
   for (const auto& [id, r] : *reference_index) {
-    if (!measured_index->contains(id)) partners.only_reference.push_back(id);
+    const auto m = measured_index->find(id);
+    if (m == measured_index->end() || !measured.points[m->second].has_own_id) partners.only_reference.push_back(id);
   }
   if (std::find(partners.used.begin(), partners.used.end(), true) == partners.used.end()) {
     return fail(
@@ -79,6 +88,43 @@ Result<Partners> match_by_id(const PointList& measured, const PointList& referen
                     id_range(measured), id_range(reference), partners.ids.empty() ? "" : " that is not excluded"));
   }
   return partners;
+}
+
+std::vector<int> add_by_position(const PointList& measured, const PointList& reference,
+                                 const base::Pose& reference_from_measured, double scale, double gate_mm, Partners& partners) {
+  std::vector<std::size_t> points;  // measured, without an id of their own
+  for (std::size_t m = 0; m < measured.points.size(); ++m) {
+    if (!measured.points[m].has_own_id) points.push_back(m);
+  }
+  std::vector<std::tuple<double, std::size_t, int>> near;  // distance, measured, id in the reference
+  for (const std::size_t m : points) {
+    const Eigen::Vector3d place =
+        scale * (reference_from_measured.rotation * measured.points[m].xyz_mm) + reference_from_measured.translation_mm;
+    for (const int id : partners.only_reference) {
+      const double distance = (reference.find(id)->xyz_mm - place).norm();
+      if (distance < gate_mm) near.emplace_back(distance, m, id);
+    }
+  }
+  std::sort(near.begin(), near.end());
+  std::map<std::size_t, int> partner_of;
+  std::set<int> taken;
+  for (const auto& [distance, m, id] : near) {
+    if (partner_of.contains(m) || taken.contains(id)) continue;
+    partner_of[m] = id;
+    taken.insert(id);
+  }
+  std::vector<int> unpaired;
+  for (const std::size_t m : points) {
+    const auto partner = partner_of.find(m);
+    if (partner == partner_of.end()) {
+      unpaired.push_back(measured.points[m].id);
+    } else {
+      add(measured, m, *reference.find(partner->second), false, partners);
+    }
+  }
+  std::erase_if(partners.only_reference, [&](int id) { return taken.contains(id); });
+  std::sort(unpaired.begin(), unpaired.end());
+  return unpaired;
 }
 
 }  // namespace crosstie::verify::detail
