@@ -148,6 +148,7 @@ Result<ReferencePoint> read_row(const Table& table, std::size_t row, const Colum
   auto id = table.integer(row, columns.id);
   if (!id) return fail(std::move(id));
   point.id = *id;
+  if (const auto kind = table.column("kind")) point.has_own_id = table.rows[row][*kind] != "uncoded";
   auto xyz = numbers(table, row, columns.xyz);
   if (!xyz) return fail(std::move(xyz));
   point.xyz_mm = Eigen::Vector3d(xyz->data()) * columns.unit_mm;

@@ -39,7 +39,7 @@ struct PointListOptions {
 /// `cov_xx_mm2 ... cov_zz_mm2`; separated by comma, semicolon, tab or blanks, `#` starts a comment), or an AICON object list
 /// (`id x y z sx sy sz rays ...`, blank-separated, no header, sigmas may read `fix`), which is recognised by its content and is
 /// in mm. Units are never guessed. Duplicate ids, missing columns, values that are not finite and lines that cannot be read
-/// are Errors with file and line.
+/// are Errors with file and line. A column `kind` in which a point is "uncoded" clears ReferencePoint::has_own_id.
 Result<PointList> read_point_list(const std::filesystem::path& path, const PointListOptions& options = {});
 
 /// Writes `id,x_mm,y_mm,z_mm[,sigma...]` with 17 significant digits, atomically; sigmas where every point has a covariance.

@@ -153,6 +153,85 @@ TEST(BadPartner, DifferentObjectsAndDifferentFrames) {
   EXPECT_EQ(of_code(*frames, "frames_differ").size(), 1u);
 }
 
+/// Points with ids 1..n, and uncoded ones that the measurement numbers otherwise than the reference does.
+struct Uncoded {
+  PointList measured;
+  PointList reference;
+};
+
+Uncoded with_uncoded() {
+  Uncoded lists;
+  lists.reference = random_points(40, 21);
+  lists.measured = moved(lists.reference, some_pose());
+  for (std::size_t i = 15; i < 40; ++i) {
+    lists.measured.points[i].has_own_id = false;
+    // Ids that other points of the reference have: they must not be taken for common ones.
+    lists.measured.points[i].id = 1000 + static_cast<int>(i);
+    lists.reference.points[i].id = 1000 + static_cast<int>((i + 7) % 25 + 15);
+  }
+  std::sort(lists.reference.points.begin(), lists.reference.points.end(),
+            [](const auto& a, const auto& b) { return a.id < b.id; });
+  return lists;
+}
+
+TEST(ByPosition, UncodedPointsFindTheirPlacesWhateverTheirIds) {
+  Uncoded lists = with_uncoded();
+  const base::Pose back = some_pose();
+  lists.measured.points[20].xyz_mm += back.rotation * Eigen::Vector3d(0.03, 0.0, -0.04);
+  const auto result = compare(lists.measured, lists.reference);
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_EQ(result->points.size(), 15u);
+  EXPECT_LT(result->rms3d_mm, 1e-9) << "uncoded points take no part in the fit";
+  ASSERT_EQ(result->by_position.points.size(), 25u);
+  EXPECT_TRUE(result->by_position.unpaired.empty());
+  EXPECT_TRUE(result->only_reference.empty());
+  EXPECT_NEAR(result->by_position.max_mm, 0.05, 1e-9);
+  EXPECT_NEAR(result->by_position.rms3d_mm, 0.05 / 5.0, 1e-9);
+  for (const auto& deviation : result->by_position.points) {
+    const int place = (deviation.id - 1000 + 7) % 25 + 15;
+    EXPECT_EQ(deviation.reference_id, 1000 + place) << deviation.id;
+    EXPECT_FALSE(deviation.used);
+  }
+}
+
+TEST(ByPosition, NoPartnerOutsideOfTheGateAndNoneTwice) {
+  Uncoded lists = with_uncoded();
+  const base::Pose back = some_pose();
+  lists.measured.points[16].xyz_mm += back.rotation * Eigen::Vector3d(0.0, 0.7, 0.0);  // outside of the default gate
+  base::ReferencePoint twin = lists.measured.points[17];                               // a second one at the same place
+  twin.id = 1900;
+  twin.xyz_mm += back.rotation * Eigen::Vector3d(0.0, 0.0, 0.2);
+  lists.measured.points.push_back(twin);
+  const auto result = compare(lists.measured, lists.reference);
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_THAT(result->by_position.unpaired, testing::ElementsAre(lists.measured.points[16].id, 1900));
+  EXPECT_EQ(result->by_position.points.size(), 24u);
+  EXPECT_EQ(result->only_reference.size(), 1u);
+  EXPECT_EQ(compare(lists.measured, lists.reference, {.position_gate_mm = 1.0})->by_position.points.size(), 25u);
+  EXPECT_EQ(compare(lists.measured, lists.reference, {.position_gate_mm = 0.0}).error().code, ErrorCode::kUsage);
+}
+
+TEST(ByPosition, DeviationsOverTheirSigmasAreNearOne) {
+  double sum = 0.0;
+  int count = 0;
+  for (unsigned seed = 1; seed <= 100; ++seed) {
+    Uncoded lists = with_uncoded();
+    std::mt19937_64 random(seed);
+    for (auto& point : lists.measured.points) {
+      point.cov_mm2 = tests::random_covariance(random, 0.02);
+      point.xyz_mm += tests::sample(random, *point.cov_mm2);
+    }
+    const auto result = compare(lists.measured, lists.reference);
+    ASSERT_TRUE(result);
+    ASSERT_EQ(result->by_position.points.size(), 25u);
+    sum += 75.0 * std::pow(result->by_position.normalised_rms, 2);
+    count += 75;
+  }
+  // The mean square of deviation over sigma has the expectation 1; its sigma, were all 7500 independent, is sqrt(2 / 7500) = 1.6 %.
+  // Those of one comparison share the six parameters of the fit, hence three of these and a half.
+  EXPECT_NEAR(sum / count, 1.0, 0.057);
+}
+
 TEST(BadPartner, FewPointsAndNoSigmaAreSaid) {
   const auto few = compare(random_points(3, 10), random_points(3, 10));
   ASSERT_TRUE(few);
