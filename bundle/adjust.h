@@ -35,16 +35,10 @@ struct AdjustOptions {
   /// false: every observation that can be computed takes part, whatever its residual.
   bool reject_outliers = true;
 
-<<<<<<< HEAD
-=======
   /// true: dots without a code are matched between the images once the coded markers have oriented them, and adjusted with the
   /// rest. Default: true, since a group must be seen from three directions and be no chance (bundle/detail/uncoded.h).
   bool uncoded = true;
 
-  /// Lens parameters held at their start value in every camera, by base::parameter_names ("k3", "p1"). Default: none.
-  std::vector<std::string> fixed_parameters = {};
-
->>>>>>> 074a297 (Match uncoded dots between images and adjust them with the coded markers)
   /// Points whose rays meet at less than this are left out [rad]: their depth would be noise. Default: 1 degree.
   double min_angle_rad = 0.0175;
 

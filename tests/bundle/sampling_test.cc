@@ -128,20 +128,12 @@ void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool s
     const Eigen::MatrixXd covariance = result->covariance / (result->sigma0 * result->sigma0);
     const Eigen::VectorXd error = errors(synthetic, *result, result_from_truth(synthetic, *result, datum, scale_is_free));
     const int defect = result->conditions;
-<<<<<<< HEAD
     ASSERT_EQ(defect, datum == Datum::kControl ? 0 : scale_is_free ? 7 : 6);
-    all += normalised_square(error, covariance, defect);
-    const auto count = static_cast<Eigen::Index>(3 * result->points.size());
-    points += normalised_square(error.tail(count), covariance.bottomRightCorner(count, count), defect);
-    const auto of_poses =
-        static_cast<Eigen::Index>(6 * result->images.size() / std::max<std::size_t>(1, synthetic.rig_from_camera.size()));
-=======
-    ASSERT_EQ(defect, scale_is_free ? 7 : 6);
     all += tests::normalised_square(error, covariance, defect);
     const auto count = static_cast<Eigen::Index>(3 * result->points.size());
     points += tests::normalised_square(error.tail(count), covariance.bottomRightCorner(count, count), defect);
-    const auto of_poses = static_cast<Eigen::Index>(6 * result->images.size());
->>>>>>> 074a297 (Match uncoded dots between images and adjust them with the coded markers)
+    const auto of_poses =
+        static_cast<Eigen::Index>(6 * result->images.size() / std::max<std::size_t>(1, synthetic.rig_from_camera.size()));
     const Eigen::Index first = error.size() - count - of_poses;
     poses += tests::normalised_square(error.segment(first, of_poses), covariance.block(first, first, of_poses, of_poses), 0);
     dof_all += result->unknowns - defect;
