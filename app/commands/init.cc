@@ -12,6 +12,7 @@
 #include "app/verb.h"
 #include "base/file.h"
 #include "base/point_list.h"
+#include "base/text.h"
 #include "markers/family.h"
 
 namespace crosstie::app {
@@ -29,6 +30,9 @@ struct Wishes {
   std::string family;
   std::optional<fs::path> reference;
   std::optional<fs::path> scale_bars;
+  std::optional<fs::path> control;
+  std::optional<fs::path> datum;
+  std::vector<std::string> rig;  ///< cameras on one mount
   std::optional<std::pair<int, int>> scale_from;
   IdRanges ids;
   IdRanges exclude_ids;
@@ -81,6 +85,19 @@ Result<Wishes> wishes_of(const Arguments& arguments) {
   if (wishes.cameras.empty()) wishes.cameras.emplace_back("camera", "*");
   if (const auto path = arguments.get("--reference")) wishes.reference = *path;
   if (const auto path = arguments.get("--scale-bars")) wishes.scale_bars = *path;
+  if (const auto path = arguments.get("--control")) wishes.control = *path;
+  if (const auto path = arguments.get("--datum")) wishes.datum = *path;
+  if (wishes.control && wishes.datum) return base::fail(ErrorCode::kUsage, "--control and --datum exclude each other");
+  if (const auto cameras = arguments.get("--rig")) {
+    for (const std::string_view name : base::split(*cameras, ',')) wishes.rig.emplace_back(base::trim(name));
+    for (const std::string& name : wishes.rig) {
+      const bool known =
+          std::any_of(wishes.cameras.begin(), wishes.cameras.end(), [&](const auto& camera) { return camera.first == name; });
+      if (!known || wishes.rig.size() < 2) {
+        return base::fail(ErrorCode::kUsage, "--rig names two or more of the cameras, such as left,right");
+      }
+    }
+  }
   if (const auto text = arguments.get("--scale-from")) {
     const auto pair = parse_id_pair(*text);
     if (!pair) return tl::unexpected(pair.error());
@@ -151,6 +168,11 @@ std::string toml_of(const Wishes& wishes) {
     }
     if (wishes.focal_px) text += fmt::format("focal_px = {}\n", toml_number(*wishes.focal_px));
   }
+  if (!wishes.rig.empty()) {
+    std::vector<std::string> names;
+    for (const std::string& name : wishes.rig) names.push_back(toml_string(name));
+    text += fmt::format("\n[rig]\ncameras = [{}]\n", fmt::join(names, ", "));
+  }
   text += "\n[network]\n";
   std::vector<std::string> images;
   for (const auto& [name, pattern] : wishes.cameras)
@@ -158,6 +180,8 @@ std::string toml_of(const Wishes& wishes) {
   text += fmt::format("images = {{ {} }}\n", fmt::join(images, ", "));
   if (wishes.scale_bars) text += fmt::format("scale_bars = {}\n", from_job(*wishes.scale_bars));
   if (wishes.scale_from) text += fmt::format("scale_from = [{}, {}]\n", wishes.scale_from->first, wishes.scale_from->second);
+  if (wishes.control) text += fmt::format("control = {}\n", from_job(*wishes.control));
+  if (wishes.datum) text += fmt::format("datum = {}\n", from_job(*wishes.datum));
   if (wishes.reference) text += fmt::format("\n[reference]\npoints = {}\n", from_job(*wishes.reference));
   return text;
 }
@@ -173,7 +197,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   }
   if (auto made = base::make_folder(wishes->job_folder); !made) return tl::unexpected(made.error());
   if (auto written = base::write_file_atomically(file, toml_of(*wishes)); !written) return tl::unexpected(written.error());
-  if (!wishes->scale_from && !wishes->scale_bars) {
+  if (!wishes->scale_from && !wishes->scale_bars && !wishes->control) {
     session.say("the job knows no scale yet: add scale_bars or scale_from to [network], or scale = \"free\"");
   }
   session.print(file.string());
@@ -196,6 +220,9 @@ Verb init_verb() {
            {"--scale-from", "ID,ID", "the one distance of the reference that defines the scale; all others stay checks", false,
             false},
            {"--scale-bars", "FILE", "scale bars: id_a,id_b,length_mm,sigma_mm,...", false, false},
+           {"--control", "FILE", "points known with their sigmas, or the result folder of another adjust", false, false},
+           {"--datum", "FILE", "points onto which the frame of the result is fitted", false, false},
+           {"--rig", "NAMES", "cameras on one mount, such as left,right; patterns' wildcards tell the stations", false, false},
            {"--ids", "IDS", "ids in use, such as 0-127 (default: all of the family)", false, true},
            {"--exclude-ids", "IDS", "ids that are seen but not wanted, such as 72-74", false, true},
            {"--focal-mm", "MM", "nominal focal length of the cameras; default: EXIF data", false, false},

@@ -168,22 +168,30 @@ base::Result<> move_onto_datum(const Survey& survey, State& state, bool with_sca
   return {};
 }
 
-Eigen::MatrixXd datum_conditions(const Survey& survey, const NetworkModel& network, const Eigen::MatrixXd& null_space) {
+Eigen::MatrixXd inner_conditions(const NetworkModel& network, const Eigen::MatrixXd& null_space) {
   const math::Parameters parameters = network.model.parameters();
   Eigen::MatrixXd conditions = Eigen::MatrixXd::Zero(null_space.rows(), null_space.cols());
-  const auto count_in = [&](int point, const std::array<bool, 3>& axes) {
-    const int block = network.point_block[static_cast<std::size_t>(point)];
-    if (block < 0) return;
+  for (const int block : network.point_block) {
+    if (block < 0) continue;
+    const math::ParameterBlock& point = parameters.block(block);
+    conditions.middleRows(point.offset, point.size()) = null_space.middleRows(point.offset, point.size());
+  }
+  return conditions;
+}
+
+Eigen::MatrixXd datum_conditions(const Survey& survey, const NetworkModel& network, const Eigen::MatrixXd& null_space) {
+  const math::Parameters parameters = network.model.parameters();
+  Eigen::MatrixXd conditions = inner_conditions(network, null_space);
+  if (!survey.datum.empty()) conditions.setZero();
+  for (const Datum& datum : survey.datum) {
+    const int block = network.point_block[static_cast<std::size_t>(datum.point)];
+    if (block < 0) continue;
     int row = parameters.block(block).offset;
     for (const int axis : network.model.blocks[static_cast<std::size_t>(block)].free) {
-      if (axes[static_cast<std::size_t>(axis)]) conditions.row(row) = null_space.row(row);
+      if (datum.axes[static_cast<std::size_t>(axis)]) conditions.row(row) = null_space.row(row);
       ++row;
     }
-  };
-  if (survey.datum.empty()) {
-    for (std::size_t p = 0; p < survey.ids.size(); ++p) count_in(static_cast<int>(p), {true, true, true});
   }
-  for (const Datum& datum : survey.datum) count_in(datum.point, datum.axes);
   if (conditions.cols() < 7) return conditions;
   for (const Bar& bar : survey.bars) {
     if (bar.bar.role != base::ScaleBarRole::kDefines) continue;

@@ -23,6 +23,9 @@ base::Result<double> scale_factor(const Survey& survey, const State& state);
 /// kBadInput where they are the mirror image of the network.
 base::Result<> move_onto_datum(const Survey& survey, State& state, bool with_scale);
 
+/// Inner constraints over all points, one for each column of `null_space`.
+Eigen::MatrixXd inner_conditions(const NetworkModel& network, const Eigen::MatrixXd& null_space);
+
 /// Conditions of the result's datum, as many as `null_space` has columns: inner constraints over the counting coordinates of the
 /// datum points or over all points, and for the scale the defining bar.
 Eigen::MatrixXd datum_conditions(const Survey& survey, const NetworkModel& network, const Eigen::MatrixXd& null_space);

@@ -18,7 +18,7 @@ constexpr double kLeastAngle_rad = 0.087;  // 5 degrees: below it, depth is too 
 /// Largest sigma of a prediction from the image's unknowns alone, in the datum of the points.
 std::vector<double> orientation_sigmas_px(const Survey& survey, const Estimate& at, const Weights& weights) {
   std::vector<double> sigmas(survey.images.size(), 0.0);
-  const auto cofactors = math::Cofactors::make(at.equations, datum_conditions(survey, at.network));
+  const auto cofactors = math::Cofactors::make(at.equations, inner_conditions(at.network, at.equations.null_space()));
   if (!cofactors) return sigmas;
   std::vector<Eigen::MatrixXd> of_image(survey.images.size());
   for (int g = 0; g < at.rows.group_count(); ++g) {
