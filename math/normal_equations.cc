@@ -88,6 +88,24 @@ Result<NormalEquations> NormalEquations::make(const Parameters& parameters, cons
   return equations;
 }
 
+void NormalEquations::subtract_product(const Cell& cell, const MatrixXd& coupling, MatrixXd& reduced) const {
+  const auto n = static_cast<Eigen::Index>(cell.columns.size());
+  MatrixXd product = MatrixXd::Zero(n, n);
+  product.triangularView<Eigen::Lower>() = coupling.transpose() * cell.elimination;
+  Eigen::Index column = 0;
+  for (std::size_t to = 0; to < cell.kept_blocks.size(); ++to) {
+    const ParameterBlock& right = parameters_.block(cell.kept_blocks[to]);
+    Eigen::Index row = column;
+    for (std::size_t from = to; from < cell.kept_blocks.size(); ++from) {
+      const ParameterBlock& left = parameters_.block(cell.kept_blocks[from]);
+      reduced.block(left.role_offset, right.role_offset, left.size(), right.size()) -=
+          product.block(row, column, left.size(), right.size());
+      row += left.size();
+    }
+    column += right.size();
+  }
+}
+
 Result<> NormalEquations::accumulate(const WhitenedRows& rows, MatrixXd& reduced) {
   const std::vector<int> smallest = join_cells(parameters_, rows);
   const auto block_count = parameters_.blocks().size();
@@ -196,13 +214,9 @@ Result<> NormalEquations::accumulate(const WhitenedRows& rows, MatrixXd& reduced
     }
     cell.inverse = scale.asDiagonal() * llt.solve(MatrixXd::Identity(cell.size, cell.size)) * scale.asDiagonal();
     cell.elimination.noalias() = cell.inverse * coupling[c];
-    const MatrixXd product = coupling[c].transpose() * cell.elimination;
-    const auto n = static_cast<Eigen::Index>(cell.columns.size());
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const int to = cell.columns[static_cast<std::size_t>(j)];
-      for (Eigen::Index i = 0; i < n; ++i) reduced(cell.columns[static_cast<std::size_t>(i)], to) -= product(i, j);
-    }
+    subtract_product(cell, coupling[c], reduced);
   }
+  reduced.triangularView<Eigen::StrictlyUpper>() = reduced.transpose();
   return {};
 }
 

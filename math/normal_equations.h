@@ -69,6 +69,8 @@ class NormalEquations {
  private:
   NormalEquations() = default;
   base::Result<> accumulate(const WhitenedRows& rows, Eigen::MatrixXd& reduced);
+  /// reduced -= N_kc N_cc^-1 N_ck of one cell, in the lower triangle.
+  void subtract_product(const Cell& cell, const Eigen::MatrixXd& coupling, Eigen::MatrixXd& reduced) const;
   [[nodiscard]] std::string dominant_unknowns(const Eigen::VectorXd& direction) const;
   base::Result<> factorise(Eigen::MatrixXd reduced, double min_eigenvalue);
 
