@@ -23,8 +23,26 @@ constexpr double kContradiction = 3.3;  // sigmas
 constexpr double kWeakFocal = 0.02;     // relative sigma of a focal length
 constexpr double kUnlikely = 0.001;
 
+/// Uncoded targets can be many, and nobody chose them one by one: those that are weak are told together.
+void about_uncoded(AdjustedNetwork& result) {
+  int weak = 0;
+  int all = 0;
+  for (const auto& point : result.points) {
+    if (point.kind != "uncoded") continue;
+    ++all;
+    weak += point.angle_rad < kSmallAngle_rad ? 1 : 0;
+  }
+  if (weak == 0) return;
+  result.warnings.push_back(
+      {"small_angle", "uncoded",
+       fmt::format("the rays to {} of {} uncoded targets meet at less than {:.0f} degrees, their depth is "
+                   "weak; points.csv has the angle of each",
+                   weak, all, kSmallAngle_rad * 180.0 / std::numbers::pi)});
+}
+
 void about_points(AdjustedNetwork& result) {
   for (const auto& point : result.points) {
+    if (point.kind == "uncoded") continue;
     if (point.rays < kFewRays) {
       result.warnings.push_back(
           {"few_rays", fmt::format("{}", point.id),
@@ -155,12 +173,15 @@ void about_control(AdjustedNetwork& result) {
 }
 
 void about_weights(const AdjustOptions& options, const Weights& weights, AdjustedNetwork& result) {
-  if (weights.estimated() && result.model_sigma_px > 0.0) {
+  const bool uncoded =
+      std::any_of(result.points.begin(), result.points.end(), [](const auto& point) { return point.kind == "uncoded"; });
+  if (weights.estimated() && (result.model_sigma_px > 0.0 || (uncoded && result.uncoded_model_sigma_px > 0.0))) {
     result.warnings.push_back(
         {"sigma_estimated", "",
-         fmt::format("{:.4f} px were added to the detector's sigmas so that they agree with the residuals; sigma0 is 1 "
+         fmt::format("{:.4f} px{} were added to the detector's sigmas so that they agree with the residuals; sigma0 is 1 "
                      "by that, and its test says nothing",
-                     result.model_sigma_px)});
+                     result.model_sigma_px,
+                     uncoded ? fmt::format(" (uncoded targets: {:.4f} px)", result.uncoded_model_sigma_px) : "")});
   } else if (result.redundancy > 0 && result.chi2_p < kUnlikely) {
     result.warnings.push_back(
         {"sigma0_test", "",
@@ -181,6 +202,7 @@ void diagnose(const Survey& survey, const AdjustOptions& options, const State& s
   about_lenses(survey, state, result);
   about_images(result);
   about_points(result);
+  about_uncoded(result);
   about_weights(options, weights, result);
   std::size_t total = survey.rays.size();
   std::size_t moved = 0;
