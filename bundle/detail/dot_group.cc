@@ -46,6 +46,18 @@ Hits hits_in(const DotScene& scene, std::size_t image, const Sight& sight, const
   return hits;
 }
 
+/// Whether a marker with an id lies over a place: nearer than its own radius, where no other target can be. A ring that is half
+/// hidden may give a centre that is off by more than any gate, yet it is still that marker's.
+bool is_under_marker(const DotScene& scene, std::size_t image, const Eigen::Vector2d& pixel) {
+  const Eigen::Vector2d reach = Eigen::Vector2d::Constant(scene.grids[image].largest_size_px());
+  bool found = false;
+  scene.grids[image].in_box(pixel - reach, pixel + reach, [&](int d) {
+    const Dot& dot = dot_at(scene, d);
+    found = found || (dot.has_id && (dot.centre_px - pixel).norm() < dot.size_px);
+  });
+  return found;
+}
+
 double median(std::vector<double> values) {
   if (values.empty()) return 0.0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -82,7 +94,7 @@ bool gather(const DotScene& scene, DotGroup& group) {
     if (!sight) continue;
     ++group.visible;
     const Hits hits = hits_in(scene, i, *sight, group.place.cov_mm2);
-    if (hits.has_id) {
+    if (hits.has_id || is_under_marker(scene, i, sight->pixel)) {
       ++others;
     } else if (hits.count == 1) {
       group.dots.push_back(hits.dot);

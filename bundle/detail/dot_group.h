@@ -47,7 +47,7 @@ bool same_size(double radius_a, const Dot& a, double radius_b, const Dot& b);
 /// From two dots whose rays meet: the dots of all other images that agree with their place, taken in as the place becomes better
 /// known, and judged anew twice with it. A dot agrees if its distance from the prediction passes the chi-square test of 1e-4
 /// with the covariances of both, if it is the only one that does in its image, and if its size is the group's. Nothing where
-/// the two do not agree, or where the place is that of markers with ids.
+/// the two do not agree, or where the place is that of markers with ids (within their dots in a quarter of its images or more).
 std::optional<DotGroup> grow(const DotScene& scene, int dot_a, int dot_b, double distance_from_a_mm, double min_angle_rad);
 
 /// How many really different directions a group is seen from: at `least_rad` or more from each other.

@@ -85,7 +85,7 @@ DotGrid::DotGrid(const std::vector<Dot>& dots, int image, int width_px, int heig
   starts_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
   for (auto dot = first; dot != last; ++dot) {
     ++starts_[cell(*dot) + 1];
-    without_id_ += dot->has_id ? 0 : 1;
+    largest_size_px_ = std::max(largest_size_px_, dot->size_px);
     const double largest = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot->cov_px2).eigenvalues()(1);
     largest_sigma_px_ = std::max(largest_sigma_px_, std::sqrt(largest));
   }

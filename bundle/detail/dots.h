@@ -58,8 +58,8 @@ class DotGrid {
 
   /// The largest sigma of its dots [px].
   [[nodiscard]] double largest_sigma_px() const { return largest_sigma_px_; }
-  /// How many of them have no id.
-  [[nodiscard]] int without_id() const { return without_id_; }
+  /// The largest semi-major axis of its dots [px].
+  [[nodiscard]] double largest_size_px() const { return largest_size_px_; }
 
  private:
   [[nodiscard]] int column(double x) const { return std::clamp(static_cast<int>(x / cell_px_), 0, columns_ - 1); }
@@ -68,8 +68,8 @@ class DotGrid {
   double cell_px_ = 1.0;
   int columns_ = 0;
   int rows_ = 0;
-  int without_id_ = 0;
   double largest_sigma_px_ = 0.0;
+  double largest_size_px_ = 0.0;
   std::vector<int> starts_;   ///< of each cell in members_, and the end
   std::vector<int> members_;  ///< by cell
 };

@@ -245,9 +245,19 @@ TEST(Uncoded, MarkersWithIdsAreNotFoundAgain) {
       if (i % 3 == 0) refused->id = base::kNoId;
     }
   }
+  // Id 33 is half hidden in four images: its dot lies 2 px off, where the rays still meet in one place.
+  const Eigen::Vector3d beside = synthetic.point(33) + Eigen::Vector3d(1.0, 0.3, 0.0);
+  for (const std::size_t i : {1U, 4U, 7U, 10U}) {
+    auto* hidden = tests::find_observation(synthetic.network, synthetic.network.images[i].image, 33);
+    ASSERT_NE(hidden, nullptr);
+    hidden->id = base::kNoId;
+    hidden->status = ObservationStatus::kUnreadable;
+    hidden->centre_px = *synthetic.cameras[0].project(synthetic.network_from_camera[i].inverse() * beside);
+  }
   const auto result = adjust(synthetic.network);
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_EQ(uncoded_points(*result), 0);
+  EXPECT_EQ(result->uncoded.targets, 0);
   EXPECT_EQ(result->points.size(), synthetic.ids.size() - 1);
 }
 
