@@ -5,6 +5,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <nlohmann/json.hpp>
 
@@ -58,14 +59,17 @@ std::map<std::string, std::string> contents(const fs::path& folder) {
 TEST_F(Cross, CoordinatesAgreeWithTheTruthWithinTheirSigmas) {
   const auto truth = base::read_point_list(job() / "truth/points.csv");
   ASSERT_TRUE(truth) << truth.error().message;
-  const auto measured = base::points_from_network_json(job() / "results/adjust/result.json");
+  auto measured = base::points_from_network_json(job() / "results/adjust/result.json");
   ASSERT_TRUE(measured) << measured.error().message;
-  EXPECT_EQ(measured->points.size(), truth->points.size());
 
   const auto full = base::read_npy(job() / "results/adjust/covariance.npy");
   ASSERT_TRUE(full) << full.error().message;
   const auto size = static_cast<Eigen::Index>(3 * measured->points.size());
-  const Eigen::MatrixXd covariance = full->bottomRightCorner(size, size);
+  // Round things on the floor are measured, too, as uncoded targets; the truth lists the markers only, which come first.
+  std::erase_if(measured->points, [](const base::ReferencePoint& point) { return !point.has_own_id; });
+  EXPECT_EQ(measured->points.size(), truth->points.size());
+  const auto coded = static_cast<Eigen::Index>(3 * measured->points.size());
+  const Eigen::MatrixXd of_markers = full->bottomRightCorner(size, size).topLeftCorner(coded, coded);
 
   std::vector<math::AlignmentPair> pairs;
   for (const base::ReferencePoint& point : measured->points) {
@@ -73,18 +77,24 @@ TEST_F(Cross, CoordinatesAgreeWithTheTruthWithinTheirSigmas) {
     ASSERT_NE(known, nullptr) << "a wrong id in the network: " << point.id;
     pairs.push_back({point.xyz_mm, known->xyz_mm, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero()});
   }
-  // With inner constraints over all points the estimate is the truth moved by an unweighted best fit, plus the noise of
-  // `covariance`.
+  // The unweighted best fit takes its six directions out of the errors and out of their covariance.
+  Eigen::MatrixXd motion(coded, 6);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    motion.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << -base::skew(pairs[i].a_mm), Eigen::Matrix3d::Identity();
+  }
+  const Eigen::MatrixXd out =
+      Eigen::MatrixXd::Identity(coded, coded) - motion * (motion.transpose() * motion).ldlt().solve(motion.transpose());
+  const Eigen::MatrixXd covariance = out * of_markers * out.transpose();
   const auto alignment = math::align(pairs, {.with_scale = false, .weighted = false});
   ASSERT_TRUE(alignment) << alignment.error().message;
-  Eigen::VectorXd error(size);
+  Eigen::VectorXd error(coded);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     error.segment<3>(static_cast<Eigen::Index>(3 * i)) = pairs[i].a_mm - alignment->a_from_b * pairs[i].b_mm;
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
   double chi2 = 0.0;
   int rank = 0;
-  for (Eigen::Index i = 6; i < size; ++i) {  // the six smallest belong to the datum
+  for (Eigen::Index i = 6; i < coded; ++i) {  // the six smallest belong to the datum
     const double along = eigen.eigenvectors().col(i).dot(error);
     chi2 += along * along / eigen.eigenvalues()(i);
     ++rank;
