@@ -125,16 +125,19 @@ Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& ou
   const auto used =
       std::count_if(verification->points.begin(), verification->points.end(), [](const auto& point) { return point.used; });
   const base::PositionComparison& uncoded = verification->by_position;
-  return StepOutcome{
-      out,
-      fmt::format("{} points, RMS {:.4f} {:.4f} {:.4f} mm (x y z), deviation over predicted sigma {:.2f}", used,
-                  verification->rms_mm.x(), verification->rms_mm.y(), verification->rms_mm.z(), verification->normalised_rms) +
-          (uncoded.points.empty() && uncoded.unpaired.empty()
-               ? std::string()
-               : fmt::format("; {} of {} uncoded have a partner, RMS {:.4f} {:.4f} {:.4f} mm, max {:.4f} mm",
-                             uncoded.points.size(), uncoded.points.size() + uncoded.unpaired.size(), uncoded.rms_mm.x(),
-                             uncoded.rms_mm.y(), uncoded.rms_mm.z(), uncoded.max_mm)),
-      false, outcome_of(envelope.verdicts)};
+  std::string of_uncoded;
+  if (const std::size_t all = uncoded.points.size() + uncoded.unpaired.size(); all > 0) {
+    of_uncoded = fmt::format("; {} of {} uncoded have a partner", uncoded.points.size(), all);
+  }
+  if (!uncoded.points.empty()) {
+    of_uncoded += fmt::format(", RMS {:.4f} {:.4f} {:.4f} mm, max {:.4f} mm", uncoded.rms_mm.x(), uncoded.rms_mm.y(),
+                              uncoded.rms_mm.z(), uncoded.max_mm);
+  }
+  return StepOutcome{out,
+                     fmt::format("{} points, RMS {:.4f} {:.4f} {:.4f} mm (x y z), deviation over predicted sigma {:.2f}{}",
+                                 used, verification->rms_mm.x(), verification->rms_mm.y(), verification->rms_mm.z(),
+                                 verification->normalised_rms, of_uncoded),
+                     false, outcome_of(envelope.verdicts)};
 }
 
 }  // namespace crosstie::app
