@@ -10,8 +10,8 @@
 namespace crosstie::tests {
 namespace {
 
-constexpr int kFine = 10;      // samples per pixel and axis
-constexpr int kMarginPx = 21;  // rendered around the image so that the blur, up to 4 px, sees what lies beyond
+/// Rendered around the image so that the blur sees what lies beyond.
+int margin_px(double blur_px) { return static_cast<int>(std::ceil(5.0 * blur_px)) + 1; }
 
 /// Cover of a sample by the inside of a circle: `distance` from the edge in samples, positive inside.
 double cover(double distance) { return std::clamp(0.5 + distance, 0.0, 1.0); }
@@ -44,29 +44,31 @@ double tone(const MarkerScene& scene, const Eigen::Vector2d& p, double gradient)
 }
 
 /// The Gaussian of the lens and the box of the pixel on the fine grid.
-std::vector<double> pixel_kernel(double blur_px) {
-  const int half = static_cast<int>(std::ceil(5.0 * blur_px * kFine));
-  std::vector<double> kernel(static_cast<std::size_t>(2 * half + kFine), 0.0);
+std::vector<double> pixel_kernel(double blur_px, int fine) {
+  const int half = static_cast<int>(std::ceil(5.0 * blur_px * fine));
+  std::vector<double> kernel(static_cast<std::size_t>(2 * half + fine), 0.0);
   double sum = 0.0;
   for (int i = -half; i <= half; ++i) {
-    const double weight = half == 0 ? 1.0 : std::exp(-0.5 * i * i / std::pow(blur_px * kFine, 2));
-    for (int k = 0; k < kFine; ++k) kernel[static_cast<std::size_t>(i + half + k)] += weight;
-    sum += weight * kFine;
+    const double weight = half == 0 ? 1.0 : std::exp(-0.5 * i * i / std::pow(blur_px * fine, 2));
+    for (int k = 0; k < fine; ++k) kernel[static_cast<std::size_t>(i + half + k)] += weight;
+    sum += weight * fine;
   }
   for (double& weight : kernel) weight /= sum;
   return kernel;
 }
 
-/// One pixel out of kFine samples along the rows, written as columns: twice this makes the image.
-std::vector<double> reduced_rows(const std::vector<double>& samples, int rows, int width_px,
+/// One pixel out of `fine` samples along the rows, written as columns: twice this makes the image.
+std::vector<double> reduced_rows(const std::vector<double>& samples, int rows, int width_px, const MarkerScene& scene,
                                  const std::vector<double>& kernel) {
-  const int stride = (width_px + 2 * kMarginPx) * kFine;
-  const int reach = (static_cast<int>(kernel.size()) - kFine) / 2;
+  const int fine = scene.samples_per_px;
+  const int margin = margin_px(scene.blur_px);
+  const int stride = (width_px + 2 * margin) * fine;
+  const int reach = (static_cast<int>(kernel.size()) - fine) / 2;
   std::vector<double> result(static_cast<std::size_t>(rows) * static_cast<std::size_t>(width_px));
   for (int y = 0; y < rows; ++y) {
     const double* line = samples.data() + static_cast<std::ptrdiff_t>(y) * stride;
     for (int x = 0; x < width_px; ++x) {
-      const double* first = line + (x + kMarginPx) * kFine - reach;
+      const double* first = line + (x + margin) * fine - reach;
       double value = 0.0;
       for (std::size_t i = 0; i < kernel.size(); ++i) value += kernel[i] * first[i];
       result[static_cast<std::size_t>(x) * static_cast<std::size_t>(rows) + static_cast<std::size_t>(y)] = value;
@@ -78,8 +80,10 @@ std::vector<double> reduced_rows(const std::vector<double>& samples, int rows, i
 }  // namespace
 
 std::vector<double> rendered(const MarkerScene& scene) {
-  const int width = (scene.width_px + 2 * kMarginPx) * kFine;
-  const int height = (scene.height_px + 2 * kMarginPx) * kFine;
+  const int fine = scene.samples_per_px;
+  const int margin = margin_px(scene.blur_px);
+  const int width = (scene.width_px + 2 * margin) * fine;
+  const int height = (scene.height_px + 2 * margin) * fine;
   const double c = std::cos(scene.tilt_axis_rad);
   const double s = std::sin(scene.tilt_axis_rad);
   Eigen::Matrix2d to_axis, roll;
@@ -92,19 +96,19 @@ std::vector<double> rendered(const MarkerScene& scene) {
   std::vector<double> samples(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      const Eigen::Vector2d pixel((x + 0.5) / kFine - 0.5 - kMarginPx, (y + 0.5) / kFine - 0.5 - kMarginPx);
+      const Eigen::Vector2d pixel((x + 0.5) / fine - 0.5 - margin, (y + 0.5) / fine - 0.5 - margin);
       const Eigen::Vector2d e = pixel - scene.centre_px;
       const Eigen::Vector2d p = marker_from_pixel * e;
-      const double gradient = (metric * e).norm() / std::max(p.norm(), 1e-9) / kFine;
+      const double gradient = (metric * e).norm() / std::max(p.norm(), 1e-9) / fine;
       const double light = 1.0 + scene.light_slope.dot(e);
       const double level =
           scene.dark_level + (scene.bright_level - scene.dark_level) * tone(scene, p, std::max(gradient, 1e-9));
       samples[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] = level * light;
     }
   }
-  const std::vector<double> kernel = pixel_kernel(scene.blur_px);
-  const std::vector<double> columns = reduced_rows(samples, height, scene.width_px, kernel);
-  return reduced_rows(columns, scene.width_px, scene.height_px, kernel);
+  const std::vector<double> kernel = pixel_kernel(scene.blur_px, fine);
+  const std::vector<double> columns = reduced_rows(samples, height, scene.width_px, scene, kernel);
+  return reduced_rows(columns, scene.width_px, scene.height_px, scene, kernel);
 }
 
 base::Image photograph(const std::vector<double>& levels, int width_px, int height_px, const Noise& noise, int bits,

@@ -13,7 +13,7 @@ namespace crosstie::tests {
 /// One marker and its photograph, for the tests' own renderer (it shares no code with the detector).
 struct MarkerScene {
   markers::MarkerFamily family;
-  std::uint32_t code = 0;  ///< as in MarkerCode
+  std::uint64_t code = 0;  ///< as in MarkerCode
   bool coded = true;       ///< false: the dot alone
   bool mirrored = false;
   bool dark_on_bright = false;
@@ -28,10 +28,11 @@ struct MarkerScene {
   double dark_level = 20.0;
   double bright_level = 180.0;
   Eigen::Vector2d light_slope = {0.0, 0.0};  ///< relative change of the light per px, 0 in the centre
+  int samples_per_px = 10;                   ///< along each axis; 10 for centres, 4 are enough for reading
 };
 
-/// Mean grey levels of the pixels, row by row: ten times ten samples per pixel with exact cover of the edges to first order,
-/// blurred on the fine grid, then averaged over each pixel.
+/// Mean grey levels of the pixels, row by row: samples_per_px squared samples per pixel with exact cover of the edges to first
+/// order, blurred on the fine grid, then averaged over each pixel.
 std::vector<double> rendered(const MarkerScene& scene);
 
 struct Noise {
