@@ -11,3 +11,5 @@ find_package(JPEG REQUIRED)
 find_package(PNG REQUIRED)
 find_package(TIFF REQUIRED)
 find_package(OpenCVModules REQUIRED COMPONENTS core imgproc)
+list(APPEND CMAKE_PREFIX_PATH /usr/share/apriltag/cmake)  # where Debian's package puts it
+find_package(apriltag 3 REQUIRED)

@@ -11,6 +11,7 @@
 #include "markers/detail/candidates.h"
 #include "markers/detail/exposure.h"
 #include "markers/detail/marker.h"
+#include "markers/tags.h"
 
 namespace crosstie::markers {
 namespace {
@@ -29,6 +30,19 @@ base::Observation observation_of(const detail::Marker& marker) {
   observation.margin = marker.ring.margin;
   observation.status = marker.status;
   return observation;
+}
+
+/// A tag's centre is the image of its centre already: it has no ellipse to reduce from.
+Result<std::vector<base::Observation>> observed_tags(const ImageView& image, const MarkerFamily& family,
+                                                     const DetectOptions& options, const Progress& progress) {
+  auto tags = detect_tags(image, family, options, progress);
+  if (!tags) return fail(std::move(tags));
+  std::vector<base::Observation> observations;
+  for (const TagObservation& tag : *tags) {
+    observations.push_back(
+        {.id = tag.id, .centre_px = tag.centre_px, .cov_px2 = tag.cov_px2, .margin = tag.margin, .status = tag.status});
+  }
+  return observations;
 }
 
 bool before(const base::Observation& a, const base::Observation& b) {
@@ -54,15 +68,20 @@ Result<> DetectOptions::validate() const {
   return {};
 }
 
-Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& family, const DetectOptions& options,
-                                 const Progress& progress) {
-  const auto start = std::chrono::steady_clock::now();
-  if (auto valid = options.validate(); !valid) return fail(std::move(valid));
+Result<> check_image(const ImageView& image) {
   if (image.data == nullptr || image.width < 8 || image.height < 8 || (image.bits != 8 && image.bits != 16) ||
       !(image.white_level > 0.0)) {
     return fail(ErrorCode::kBadInput,
                 fmt::format("an image of {} x {} pixels of {} bits holds no markers", image.width, image.height, image.bits));
   }
+  return {};
+}
+
+Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& family, const DetectOptions& options,
+                                 const Progress& progress) {
+  const auto start = std::chrono::steady_clock::now();
+  if (auto valid = options.validate(); !valid) return fail(std::move(valid));
+  if (auto valid = check_image(image); !valid) return fail(std::move(valid));
   ImageObservations result;
   result.family = family.name;
   result.width_px = image.width;
@@ -72,9 +91,17 @@ Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& fam
     const detail::Exposure exposure = detail::measure_exposure(image, options.saturated_level, options.dark_level);
     result.saturated_fraction = exposure.saturated_fraction;
     result.dark_fraction = exposure.dark_fraction;
-    candidates = detail::find_candidates(image, options);
+    if (!family.tag) candidates = detail::find_candidates(image, options);
   } catch (const cv::Exception& error) {
     return fail(ErrorCode::kInternal, fmt::format("OpenCV failed while looking for dots: {}", error.what()));
+  }
+
+  if (family.tag) {
+    auto tags = observed_tags(image, family, options, progress);
+    if (!tags) return fail(std::move(tags));
+    result.observations = std::move(*tags);
+    result.millis = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    return result;
   }
 
   const detail::Sampler sampler(image);

@@ -8,6 +8,7 @@
 #include <fmt/ranges.h>
 
 #include "base/text.h"
+#include "markers/detail/apriltag_library.h"
 #include "markers/detail/code_rules.h"
 
 namespace crosstie::markers {
@@ -23,6 +24,7 @@ struct FamilyDescription {
   double ring_inner, ring_outer, disc_outer, border_outer;
 };
 
+constexpr std::string_view kAprilTagPrefix = "apriltag:";
 constexpr std::uint32_t kRing10Start = 0b110;
 constexpr int kRing10StartBits = 3;
 
@@ -51,9 +53,9 @@ std::vector<MarkerCode> codes_of(const FamilyDescription& family) {
 
 }  // namespace
 
-std::uint32_t smallest_rotation(std::uint32_t ring, int bits) {
-  const std::uint32_t all = (std::uint32_t{1} << bits) - 1U;
-  std::uint32_t smallest = ring;
+std::uint64_t smallest_rotation(std::uint64_t ring, int bits) {
+  const std::uint64_t all = (std::uint64_t{1} << bits) - 1U;
+  std::uint64_t smallest = ring;
   for (int by = 1; by < bits; ++by) {
     ring = ((ring << 1) | (ring >> (bits - 1))) & all;
     smallest = std::min(smallest, ring);
@@ -61,21 +63,41 @@ std::uint32_t smallest_rotation(std::uint32_t ring, int bits) {
   return smallest;
 }
 
-std::optional<int> MarkerFamily::id_of_ring(std::uint32_t ring) const {
-  const std::uint32_t smallest = smallest_rotation(ring, bits);
+std::uint64_t mirrored_ring(std::uint64_t ring, int bits) {
+  std::uint64_t mirrored = 0;
+  for (int bit = 0; bit < bits; ++bit) mirrored = (mirrored << 1) | ((ring >> bit) & 1U);
+  return mirrored;
+}
+
+std::optional<int> MarkerFamily::id_of_ring(std::uint64_t ring) const {
+  const std::uint64_t smallest = smallest_rotation(ring, bits);
   const auto found = std::lower_bound(by_rotation.begin(), by_rotation.end(), smallest,
-                                      [](const MarkerCode& code, std::uint32_t value) { return code.code < value; });
+                                      [](const MarkerCode& code, std::uint64_t value) { return code.code < value; });
   if (found == by_rotation.end() || found->code != smallest) return std::nullopt;
   return found->id;
+}
+
+std::optional<std::uint64_t> MarkerFamily::code_of(int id) const {
+  const auto found =
+      std::lower_bound(codes.begin(), codes.end(), id, [](const MarkerCode& code, int value) { return code.id < value; });
+  if (found == codes.end() || found->id != id) return std::nullopt;
+  return found->code;
 }
 
 std::vector<std::string> marker_family_names() {
   std::vector<std::string> names;
   for (const FamilyDescription& family : kFamilies) names.emplace_back(family.name);
+  for (const std::string& name : detail::apriltag_names()) names.push_back(std::string(kAprilTagPrefix) + name);
   return names;
 }
 
 Result<MarkerFamily> marker_family(std::string_view name) {
+  if (name.starts_with(kAprilTagPrefix)) {
+    if (auto family = detail::apriltag_family(name.substr(kAprilTagPrefix.size()))) {
+      family->name = name;
+      return *std::move(family);
+    }
+  }
   const auto found =
       std::find_if(kFamilies.begin(), kFamilies.end(), [name](const FamilyDescription& family) { return family.name == name; });
   if (found == kFamilies.end()) {

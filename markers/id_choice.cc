@@ -26,20 +26,19 @@ Result<std::vector<Candidate>> candidates_of(const MarkerFamily& family, std::sp
   }
   std::vector<Candidate> candidates;
   for (const int id : ids) {
-    const auto found = std::lower_bound(family.codes.begin(), family.codes.end(), id,
-                                        [](const MarkerCode& code, int value) { return code.id < value; });
-    if (found == family.codes.end() || found->id != id) {
-      return base::fail(ErrorCode::kUsage, fmt::format("{} has no id {}", family.name, id));
-    }
-    candidates.push_back({*found, family.bits + 1, false});
+    const auto code = family.code_of(id);
+    if (!code) return base::fail(ErrorCode::kUsage, fmt::format("{} has no id {}", family.name, id));
+    candidates.push_back({{id, *code}, family.bits + 1, false});
   }
   return candidates;
 }
 
 int parity(const Candidate& c) { return std::popcount(c.code.code) % 2; }
 
-/// What any two different codes are apart at least: 2 where all have an even, or all an odd number of segments set.
-int least_distance(const std::vector<Candidate>& candidates) {
+/// What any two different codes are apart at least: 2 where all have an even, or all an odd number of segments set; for tags
+/// more, but how much is not asked here.
+int least_distance(const MarkerFamily& family, const std::vector<Candidate>& candidates) {
+  if (family.tag) return 0;
   const bool same = std::all_of(candidates.begin(), candidates.end(),
                                 [&](const Candidate& c) { return parity(c) == parity(candidates.front()); });
   return same ? 2 : 1;
@@ -47,7 +46,7 @@ int least_distance(const std::vector<Candidate>& candidates) {
 
 /// The greedy choice of `count` of the candidates, which are that many at least.
 IdChoice greedy_choice(const MarkerFamily& family, std::vector<Candidate> candidates, int count) {
-  const int least = least_distance(candidates);
+  const int least = least_distance(family, candidates);
   IdChoice choice;
   choice.smallest_distance = count > 1 ? family.bits : 0;
   bool all_are_near = false;
@@ -65,7 +64,7 @@ IdChoice greedy_choice(const MarkerFamily& family, std::vector<Candidate> candid
       continue;
     }
     for (Candidate& c : candidates) {
-      if (!c.chosen) c.distance = std::min(c.distance, cyclic_distance(next->code.code, c.code.code, family.bits));
+      if (!c.chosen) c.distance = std::min(c.distance, code_distance(family, next->code.code, c.code.code));
     }
   }
   std::sort(choice.ids.begin(), choice.ids.end());
@@ -74,12 +73,22 @@ IdChoice greedy_choice(const MarkerFamily& family, std::vector<Candidate> candid
 
 }  // namespace
 
-int cyclic_distance(std::uint32_t ring_a, std::uint32_t ring_b, int bits) {
-  const std::uint32_t all = (std::uint32_t{1} << bits) - 1U;
+int cyclic_distance(std::uint64_t ring_a, std::uint64_t ring_b, int bits) {
+  const std::uint64_t all = (std::uint64_t{1} << bits) - 1U;
   int smallest = bits;
   for (int turn = 0; turn < bits; ++turn) {
     smallest = std::min(smallest, std::popcount(ring_a ^ ring_b));
     ring_b = ((ring_b << 1) | (ring_b >> (bits - 1))) & all;
+  }
+  return smallest;
+}
+
+int code_distance(const MarkerFamily& family, std::uint64_t code_a, std::uint64_t code_b) {
+  if (!family.tag) return cyclic_distance(code_a, code_b, family.bits);
+  int smallest = family.bits;
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    smallest = std::min(smallest, std::popcount(code_a ^ code_b));
+    code_b = quarter_turned(*family.tag, code_b, family.bits);
   }
   return smallest;
 }

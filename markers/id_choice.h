@@ -11,7 +11,10 @@ namespace crosstie::markers {
 
 /// Number of segments in which two rings differ, in the rotation in which they are most alike: so many must be misread before
 /// one becomes the other.
-[[nodiscard]] int cyclic_distance(std::uint32_t ring_a, std::uint32_t ring_b, int bits);
+[[nodiscard]] int cyclic_distance(std::uint64_t ring_a, std::uint64_t ring_b, int bits);
+
+/// The same for two codes of any family: over all rotations of rings, over quarter turns of tags.
+[[nodiscard]] int code_distance(const MarkerFamily& family, std::uint64_t code_a, std::uint64_t code_b);
 
 struct IdChoice {
   std::vector<int> ids;       ///< sorted

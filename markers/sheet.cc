@@ -47,7 +47,7 @@ Tones tones_of(const MarkerFamily& family, SheetPolarity polarity) {
 }
 
 /// Neighbouring segments of tone 1 are one sector: no seams between them.
-void add_ring(Sheet& sheet, const MarkerFamily& family, std::uint32_t code, const Vector2d& centre_mm, double dot_radius_mm,
+void add_ring(Sheet& sheet, const MarkerFamily& family, std::uint64_t code, const Vector2d& centre_mm, double dot_radius_mm,
               Ink ink) {
   const int bits = family.bits;
   const auto is_set = [&](int segment) { return ((code >> (bits - 1 - (segment % bits))) & 1U) != 0; };

@@ -11,7 +11,7 @@ namespace crosstie::markers::detail {
 
 /// What stands around a dot. Values are normalised: 0 = the level of the gap in that direction, 1 = that of the dot.
 struct RingReading {
-  std::uint32_t ring = 0;       ///< the segments clockwise from an arbitrary one, first in the most significant bit
+  std::uint64_t ring = 0;       ///< the segments clockwise from an arbitrary one, first in the most significant bit
   double margin = 0.0;          ///< of the worst segment: 0 at the decision level, 1 at the mean of its class
   double contrast = 0.0;        ///< between the segments read as 1 and those read as 0
   double grid_quality = 0.0;    ///< 1: all transitions lie on the grid of segments; near 0: they lie anywhere

@@ -12,8 +12,8 @@
 namespace crosstie::markers {
 namespace {
 
-std::uint32_t rotated(std::uint32_t ring, int by, int bits) {
-  for (int i = 0; i < by; ++i) ring = ((ring << 1) | (ring >> (bits - 1))) & ((1U << bits) - 1U);
+std::uint64_t rotated(std::uint64_t ring, int by, int bits) {
+  for (int i = 0; i < by; ++i) ring = ((ring << 1) | (ring >> (bits - 1))) & ((std::uint64_t{1} << bits) - 1U);
   return ring;
 }
 
@@ -30,7 +30,7 @@ TEST(MarkerFamily, Ring10CodesAreStartSequenceAndGrayCode) {
   const MarkerFamily family = *marker_family("ring10");
   for (const MarkerCode& code : family.codes) {
     EXPECT_EQ(code.code >> 7, 0b110U);
-    std::uint32_t n = 0;  // Gray code back to the number, bit by bit
+    std::uint64_t n = 0;  // Gray code back to the number, bit by bit
     for (int bit = 6; bit >= 0; --bit) n = (n << 1) | (((code.code >> bit) ^ n) & 1U);
     EXPECT_EQ(static_cast<int>(n), code.id);
   }

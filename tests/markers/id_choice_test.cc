@@ -9,7 +9,7 @@
 namespace crosstie::markers {
 namespace {
 
-std::string segments(std::uint32_t code, int bits) {
+std::string segments(std::uint64_t code, int bits) {
   std::string text;
   for (int i = bits - 1; i >= 0; --i) text += ((code >> i) & 1U) != 0 ? '1' : '0';
   return text;

@@ -19,8 +19,9 @@ using base::ObservationStatus;
 using tests::MarkerScene;
 
 constexpr int kMarkers = 60;
-constexpr double kReadablePx = 2.5;     // width of the narrowest segment from which on a ring is read
-constexpr double kSmallestDotPx = 4.0;  // radius across the direction of the tilt
+constexpr double kReadablePx = 2.5;      // width of the narrowest segment from which on a ring is read
+constexpr double kReadableCellPx = 3.0;  // the same of a tag's cell
+constexpr double kSmallestDotPx = 4.0;   // radius across the direction of the tilt
 
 int markers_per_family() {
   const char* wanted = std::getenv("CROSSTIE_RECALL_MARKERS");
@@ -45,10 +46,26 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-/// Width of the narrowest segment in radii of the dot, as the domain is defined.
-double narrowest_in_radii(const MarkerFamily& family) {
-  return std::min(std::numbers::pi * (family.ring_inner + family.ring_outer) / family.bits,
-                  family.ring_outer - family.ring_inner);
+/// Width of the narrowest segment (of a tag: cell, across its longer sides) in px as the domain is defined, for a dot of radius
+/// (a cell of side) 1 px in the scene's tilt.
+double narrowest_of_unit(const MarkerScene& scene) {
+  const MarkerFamily& family = scene.family;
+  const double shortened = std::cos(scene.tilt_rad);
+  if (!family.tag) {
+    return shortened * std::min(std::numbers::pi * (family.ring_inner + family.ring_outer) / family.bits,
+                                family.ring_outer - family.ring_inner);
+  }
+  // Images of the unit vectors: turned by the roll against the tilt axis, then shortened across it.
+  const double c = std::cos(scene.roll_rad);
+  const double s = std::sin(scene.roll_rad);
+  return shortened / std::max(std::hypot(c, s * shortened), std::hypot(s, c * shortened));
+}
+
+double readable_px(const MarkerFamily& family) { return family.tag ? kReadableCellPx : kReadablePx; }
+
+/// Half the width of the scene's square that holds the marker at any rotation, for a dot of radius (a cell of side) 1 px.
+double reach_of_unit(const MarkerFamily& family) {
+  return family.tag ? 0.5 * std::numbers::sqrt2 * (family.tag->total_cells + 2) : family.border_outer;
 }
 
 /// A photograph of one marker whose narrowest segment is `from_px` to `to_px` wide. Dots begin at kSmallestDotPx: families with
@@ -66,11 +83,11 @@ Draw draw(const MarkerFamily& family, double from_px, double to_px, std::uint64_
   scene.tilt_rad = std::acos(random.uniform(std::cos(70.0 * std::numbers::pi / 180.0), 1.0));
   scene.tilt_axis_rad = random.uniform(0.0, std::numbers::pi);
   scene.roll_rad = random.uniform(0.0, 2.0 * std::numbers::pi);
-  scene.radius_px = narrowest_px / narrowest_in_radii(family) / std::cos(scene.tilt_rad);
-  if (from_px >= kReadablePx) scene.radius_px = std::max(scene.radius_px, kSmallestDotPx);
-  result.narrowest_px = scene.radius_px * narrowest_in_radii(family) * std::cos(scene.tilt_rad);
+  scene.radius_px = narrowest_px / narrowest_of_unit(scene);
+  if (!family.tag && from_px >= kReadablePx) scene.radius_px = std::max(scene.radius_px, kSmallestDotPx);
+  result.narrowest_px = scene.radius_px * narrowest_of_unit(scene);
   scene.blur_px = random.uniform(0.4, std::min(0.33 * narrowest_px, 2.5));
-  const double reach_px = family.border_outer * scene.radius_px + 4.0;
+  const double reach_px = reach_of_unit(family) * scene.radius_px + 4.0;
   scene.width_px = scene.height_px = static_cast<int>(std::ceil(2.0 * reach_px)) + 4;
   scene.centre_px = Eigen::Vector2d::Constant(0.5 * scene.width_px - 0.5) +
                     Eigen::Vector2d(random.uniform(-1.5, 1.5), random.uniform(-1.5, 1.5));
@@ -80,7 +97,7 @@ Draw draw(const MarkerFamily& family, double from_px, double to_px, std::uint64_
   scene.bright_level = scene.dark_level + contrast;
   result.noise = contrast * random.logarithmic(0.005, 0.04);
   // Up to a fifth more or less light at the border of the marker; what is bright stays below saturation.
-  const double slope = random.uniform(0.0, 0.2) / (family.border_outer * scene.radius_px);
+  const double slope = random.uniform(0.0, 0.2) / (reach_of_unit(family) * scene.radius_px);
   const double direction = random.uniform(0.0, 2.0 * std::numbers::pi);
   scene.light_slope = slope * Eigen::Vector2d(std::cos(direction), std::sin(direction));
   result.seed = seed;
@@ -116,7 +133,7 @@ Tally tally(const MarkerFamily& family, double from_px, double to_px, std::uint6
       }
     }
     result.right += right == 1 ? 1 : 0;
-    if (right > 0 && d.narrowest_px < 0.97 * kReadablePx) ++result.right_below;
+    if (right > 0 && d.narrowest_px < 0.97 * readable_px(family)) ++result.right_below;
     if (talk && right != 1) {
       std::printf("%s seed %d r %.2f b %.2f tilt %.0f blur %.2f noise %.1f levels %.0f %.0f dark %d:", family.name.c_str(),
                   static_cast<int>(d.seed), d.scene.radius_px, d.scene.radius_px * std::cos(d.scene.tilt_rad),
@@ -136,7 +153,7 @@ class Recall : public testing::TestWithParam<std::string> {};
 
 TEST_P(Recall, EveryMarkerInsideOfTheReadableDomainIsReadAndNoneIsMisread) {
   const MarkerFamily family = *marker_family(GetParam());
-  const Tally inside = tally(family, 1.01 * kReadablePx, 14.0, 1000);
+  const Tally inside = tally(family, 1.01 * readable_px(family), 14.0, 1000);
   EXPECT_EQ(inside.wrong, 0);
   EXPECT_GE(inside.right, 0.995 * inside.all) << inside.right << " of " << inside.all;
   RecordProperty("read", inside.right);
@@ -145,7 +162,7 @@ TEST_P(Recall, EveryMarkerInsideOfTheReadableDomainIsReadAndNoneIsMisread) {
 
 TEST_P(Recall, BelowTheReadableDomainMarkersAreRefusedNotMisread) {
   const MarkerFamily family = *marker_family(GetParam());
-  const Tally below = tally(family, 0.8 * kReadablePx, kReadablePx, 5000);
+  const Tally below = tally(family, 0.8 * readable_px(family), readable_px(family), 5000);
   EXPECT_EQ(below.wrong, 0);
   EXPECT_EQ(below.right_below, 0);
 }

@@ -16,6 +16,31 @@ int margin_px(double blur_px) { return static_cast<int>(std::ceil(5.0 * blur_px)
 /// Cover of a sample by the inside of a circle: `distance` from the edge in samples, positive inside.
 double cover(double distance) { return std::clamp(0.5 + distance, 0.0, 1.0); }
 
+/// Tone of a tag at a place in cells from its centre; `width` is the extent of a sample there, in cells along both axes. Paper
+/// is white, and so is what is free.
+double tag_tone(const MarkerScene& scene, Eigen::Vector2d p, const Eigen::Vector2d& width) {
+  const markers::TagLayout& layout = *scene.family.tag;
+  if (scene.mirrored) p.x() = -p.x();
+  p.array() += 0.5 * layout.total_cells;
+  double white = 0.0;
+  // The shares of the sample's box that fall into the cells it touches.
+  const Eigen::Vector2d low = p - 0.5 * width;
+  const Eigen::Vector2d high = p + 0.5 * width;
+  for (int y = static_cast<int>(std::floor(low.y())); y <= static_cast<int>(std::floor(high.y())); ++y) {
+    for (int x = static_cast<int>(std::floor(low.x())); x <= static_cast<int>(std::floor(high.x())); ++x) {
+      const double share = (std::min(high.x(), x + 1.0) - std::max(low.x(), static_cast<double>(x))) / width.x() *
+                           (std::min(high.y(), y + 1.0) - std::max(low.y(), static_cast<double>(y))) / width.y();
+      bool set = true;
+      if (x >= 0 && y >= 0 && x < layout.total_cells && y < layout.total_cells) {
+        const int cell = layout.at(x, y);
+        set = cell >= 0 ? ((scene.code >> (scene.family.bits - 1 - cell)) & 1U) != 0 : cell != markers::TagLayout::kBlack;
+      }
+      if (set) white += share;
+    }
+  }
+  return scene.dark_on_bright ? white : 1.0 - white;
+}
+
 /// Tone (0..1) at a place in dot radii; `gradient` is d rho / d sample at this place.
 double tone(const MarkerScene& scene, const Eigen::Vector2d& p, double gradient) {
   const markers::MarkerFamily& family = scene.family;
@@ -98,11 +123,18 @@ std::vector<double> rendered(const MarkerScene& scene) {
     for (int x = 0; x < width; ++x) {
       const Eigen::Vector2d pixel((x + 0.5) / fine - 0.5 - margin, (y + 0.5) / fine - 0.5 - margin);
       const Eigen::Vector2d e = pixel - scene.centre_px;
-      const Eigen::Vector2d p = marker_from_pixel * e;
-      const double gradient = (metric * e).norm() / std::max(p.norm(), 1e-9) / fine;
+      const double depth = 1.0 + scene.perspective.dot(e);
+      const Eigen::Vector2d p = marker_from_pixel * e / depth;
       const double light = 1.0 + scene.light_slope.dot(e);
-      const double level =
-          scene.dark_level + (scene.bright_level - scene.dark_level) * tone(scene, p, std::max(gradient, 1e-9));
+      double value = 0.0;
+      if (scene.family.tag) {
+        const Eigen::Matrix2d by_pixel = (marker_from_pixel - p * scene.perspective.transpose()) / depth;
+        value = tag_tone(scene, p, by_pixel.rowwise().norm() / fine);
+      } else {
+        const double gradient = (metric * e).norm() / std::max(p.norm(), 1e-9) / fine;
+        value = tone(scene, p, std::max(gradient, 1e-9));
+      }
+      const double level = scene.dark_level + (scene.bright_level - scene.dark_level) * value;
       samples[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)] = level * light;
     }
   }

@@ -148,7 +148,7 @@ TEST(RingSafety, MirroredRingsReadAsTheirMirrorImage) {
   for (std::size_t i = 0; i < 54; i += 5) {
     MarkerScene scene = scene_of("ring10", i);
     scene.mirrored = true;
-    std::uint32_t mirrored = 0;
+    std::uint64_t mirrored = 0;
     for (int bit = 0; bit < 10; ++bit) mirrored |= ((scene.code >> bit) & 1U) << (9 - bit);
     const std::optional<int> expected = scene.family.id_of_ring(mirrored);
     ASSERT_TRUE(expected);
