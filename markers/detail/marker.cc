@@ -22,6 +22,7 @@ constexpr double kMaxBrightQuiet = 0.25;  // of the quiet zone's circumference
 constexpr double kPlainRange = 0.35;      // of the contrast: below it there is no ring
 constexpr double kMinGridQuality = 0.25;
 constexpr double kMinRingContrast = 0.4;
+constexpr double kMaxMisfit = 0.4;     // of the contrast
 constexpr double kMinSegmentPx = 2.5;  // smallest width of a segment that is read
 
 /// A quick look before the fit: whether nearly everywhere round the candidate it is brighter inside than outside.
@@ -80,7 +81,7 @@ void judge_ring(const MarkerFamily& family, const DetectOptions& options, Marker
     return;
   }
   marker.id = *id;
-  if (ring.margin < options.min_margin || ring.bright_quiet > kMaxBrightQuiet) {
+  if (ring.margin < options.min_margin || ring.bright_quiet > kMaxBrightQuiet || ring.misfit > kMaxMisfit || ring.hidden_zero) {
     marker.status = ObservationStatus::kAmbiguous;
   } else if (!options.ids.empty() && std::find(options.ids.begin(), options.ids.end(), *id) == options.ids.end()) {
     marker.status = ObservationStatus::kRefused;

@@ -6,6 +6,10 @@
 #include <limits>
 #include <numbers>
 
+#include <Eigen/Cholesky>
+
+#include "markers/detail/edge_profile.h"
+
 namespace crosstie::markers::detail {
 namespace {
 
@@ -24,6 +28,13 @@ class Sweep {
       const double phi = 2.0 * std::numbers::pi * k / count;
       directions_.emplace_back(pixel_from_unit_ * Eigen::Vector2d(std::cos(phi), std::sin(phi)));
     }
+  }
+
+  [[nodiscard]] std::size_t count() const { return directions_.size(); }
+  /// Direction `k` in pixels for each dot radius.
+  [[nodiscard]] const Eigen::Vector2d& direction(std::size_t k) const { return directions_[k]; }
+  [[nodiscard]] double angle_rad(std::size_t k) const {
+    return 2.0 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(count());
   }
 
   /// Grey levels at `rho` round the circle; NaN outside of the image.
@@ -59,15 +70,43 @@ std::vector<double> smoothed(const std::vector<double>& values, int half, double
   return means;
 }
 
-double fraction_over_half(const std::vector<double>& greys, double outer_level, double contrast) {
+double fraction_over_half(const std::vector<double>& values) {
   int over = 0;
   int all = 0;
-  for (const double grey : greys) {
-    if (!std::isfinite(grey)) continue;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
     ++all;
-    if ((grey - outer_level) / contrast > 0.5) ++over;
+    if (value > 0.5) ++over;
   }
   return all > 0 ? static_cast<double>(over) / all : 1.0;
+}
+
+/// How the level of what has tone 0 changes per dot radius from the centre, along both axes of the unit circle: the plane
+/// through gap and quiet zone that most of both agree with (bright things, on the side of tone 1, have no say).
+Eigen::Vector2d dark_slope(const Sweep& sweep, const std::vector<double>& gap, double gap_rho, const std::vector<double>& quiet,
+                           double quiet_rho, double outer_level, double contrast) {
+  constexpr int kIterations = 8;
+  constexpr double kTolerated = 0.08;  // of the contrast
+  Eigen::Vector3d plane(outer_level, 0.0, 0.0);
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    Eigen::Matrix3d n = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    const auto add = [&](const std::vector<double>& greys, double rho) {
+      for (std::size_t k = 0; k < greys.size(); ++k) {
+        if (!std::isfinite(greys[k])) continue;
+        const Eigen::Vector3d row(1.0, rho * std::cos(sweep.angle_rad(k)), rho * std::sin(sweep.angle_rad(k)));
+        const double residual = (greys[k] - row.dot(plane)) / contrast;
+        const double weight = 1.0 / (1.0 + std::pow(residual / kTolerated, 2));
+        n += weight * row * row.transpose();
+        b += weight * greys[k] * row;
+      }
+    };
+    add(gap, gap_rho);
+    if (iteration > 0) add(quiet, quiet_rho);  // the gap first: it is known to be there
+    n.diagonal() *= 1.0 + 1e-9;
+    plane = n.ldlt().solve(b);
+  }
+  return plane.allFinite() ? Eigen::Vector2d(plane.tail<2>()) : Eigen::Vector2d(0.0, 0.0);
 }
 
 /// The phase of the segment grid in samples, [0, kSamplesPerSegment), and how well the transitions agree with it.
@@ -165,28 +204,193 @@ void classify(const std::vector<double>& segments, RingReading& reading) {
   reading.margin = split.margin;
 }
 
+/// Levels round the marker: 0 = as dark as the gap in that direction, 1 = as bright as the dot.
+class Levels {
+ public:
+  Levels(const Sweep& sweep, const MarkerFamily& family, const DotFit& dot)
+      : sweep_(sweep), contrast_(dot.inner_level - dot.outer_level), gap_rho_(0.5 * (1.0 + family.ring_inner)) {
+    const double quiet_rho = 0.5 * (family.ring_outer + family.disc_outer);
+    const std::vector<double> gap = sweep.at(gap_rho_);
+    slope_ = dark_slope(sweep, gap, gap_rho_, sweep.at(quiet_rho), quiet_rho, dot.outer_level, contrast_);
+    base_ = smoothed(gap, kSamplesPerSegment / 2, dot.outer_level);
+    for (std::size_t k = 0; k < gap.size(); ++k) {
+      gap_.push_back((gap[k] - dot.outer_level - tilt(k, gap_rho_)) / contrast_);
+      lift_ += (base_[k] - tilt(k, gap_rho_)) / static_cast<double>(gap.size());
+    }
+    quiet_ = sweep.at(quiet_rho);
+    for (std::size_t k = 0; k < gap.size(); ++k) quiet_[k] = (quiet_[k] - lift_ - tilt(k, quiet_rho)) / contrast_;
+  }
+
+  [[nodiscard]] const std::vector<double>& gap() const { return gap_; }
+  [[nodiscard]] const std::vector<double>& quiet() const { return quiet_; }
+  /// At `rho`, from the gap's level in each direction; NaN outside of the image.
+  [[nodiscard]] std::vector<double> at(double rho) const {
+    std::vector<double> values = sweep_.at(rho);
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      values[k] = (values[k] - base_[k] - tilt(k, rho - gap_rho_)) / contrast_;
+    }
+    return values;
+  }
+
+ private:
+  [[nodiscard]] double tilt(std::size_t k, double rho) const {
+    return rho * (slope_.x() * std::cos(sweep_.angle_rad(k)) + slope_.y() * std::sin(sweep_.angle_rad(k)));
+  }
+
+  const Sweep& sweep_;
+  double contrast_;
+  double gap_rho_;
+  double lift_ = 0.0;  // of the dark plane at the centre
+  Eigen::Vector2d slope_ = Eigen::Vector2d::Zero();
+  std::vector<double> base_, gap_, quiet_;
+};
+
+/// The segments' grid and what was read on it.
+struct Grid {
+  int bits = 0;
+  double phase = 0.0;  // samples
+  std::uint64_t ring = 0;
+
+  [[nodiscard]] double bit(int segment) const {
+    return static_cast<double>((ring >> (bits - 1 - (segment % bits + bits) % bits)) & 1U);
+  }
+  /// Place of sample `k` in segments, 0 <= place < bits.
+  [[nodiscard]] double place(std::size_t k) const {
+    const double place = (static_cast<double>(k) - phase) / kSamplesPerSegment;
+    return place < 0.0 ? place + bits : place;
+  }
+};
+
+/// The share of tone 1 that the blur sees at `rho` in direction `k`, if the ring is the one that was read: along a radius and
+/// round the circle one after the other.
+double predicted(const Grid& grid, const MarkerFamily& family, const DotFit& dot, const Sweep& sweep, std::size_t k,
+                 double rho) {
+  constexpr double kInterpolationVariance = 1.0 / 6.0;  // of bilinear sampling, px^2
+  const double blur = std::sqrt(dot.blur_px * dot.blur_px + kInterpolationVariance);
+  const double phi = sweep.angle_rad(k);
+  const double a = dot.ellipse.semi_major_px;
+  const double b = dot.ellipse.semi_minor_px;
+  const double px_per_rho = 1.0 / std::hypot(std::cos(phi) / a, std::sin(phi) / b);
+  const double radial = edge_profile((rho - family.ring_inner) * px_per_rho / blur).distribution -
+                        edge_profile((rho - family.ring_outer) * px_per_rho / blur).distribution;
+  const double px_per_segment = a * b * rho / sweep.direction(k).norm() * 2.0 * std::numbers::pi / grid.bits;
+  const double place = grid.place(k);
+  const int segment = static_cast<int>(place);
+  const double inside = place - segment;
+  const double before = edge_profile(-inside * px_per_segment / blur).distribution;
+  const double after = edge_profile((inside - 1.0) * px_per_segment / blur).distribution;
+  return radial * (grid.bit(segment) * (1.0 - before - after) + grid.bit(segment - 1) * before + grid.bit(segment + 1) * after);
+}
+
+/// Brightness of a whole segment at each place: that of the segment itself where it is a 1, of the nearest ones elsewhere (what
+/// the blur spreads into a 0 comes from them); and the mean of the zeros.
+void split_brightness(const Grid& grid, const std::vector<double>& means, std::vector<double>& brightness, double& zeros) {
+  double ones = 0.0;
+  int n1 = 0, n0 = 0;
+  zeros = 0.0;
+  for (int s = 0; s < grid.bits; ++s) {
+    const double mean = means[static_cast<std::size_t>(s)];
+    (grid.bit(s) > 0.5 ? ones : zeros) += mean;
+    ++(grid.bit(s) > 0.5 ? n1 : n0);
+  }
+  zeros = n0 > 0 ? zeros / n0 : 0.0;
+  ones = n1 > 0 ? ones / n1 : 1.0;
+  brightness.clear();
+  for (int s = 0; s < grid.bits; ++s) {
+    const double before = means[static_cast<std::size_t>((s + grid.bits - 1) % grid.bits)];
+    const double after = means[static_cast<std::size_t>((s + 1) % grid.bits)];
+    double value = means[static_cast<std::size_t>(s)];
+    if (grid.bit(s) < 0.5) {
+      const double n = grid.bit(s - 1) + grid.bit(s + 1);
+      value = n > 0.0 ? (grid.bit(s - 1) * before + grid.bit(s + 1) * after) / n : ones;
+    }
+    brightness.push_back(value);
+  }
+}
+
+/// Largest mean deviation over the thirds of segments, inner and outer half of the ring apart, of rings sampled at `rhos`.
+/// Each segment may be as bright as it is: light and print differ.
+double largest_misfit(const Grid& grid, const MarkerFamily& family, const DotFit& dot, const Sweep& sweep,
+                      const std::vector<double>& rhos, const std::vector<std::vector<double>>& rings,
+                      const std::vector<double>& means, double zeros) {
+  constexpr int kThirds = 3;
+  double largest = 0.0;
+  const auto parts = static_cast<std::size_t>(grid.bits * kThirds);
+  for (const bool outer : {false, true}) {
+    std::vector<double> sums(parts, 0.0), counts(parts, 0.0);
+    for (std::size_t i = 0; i < rhos.size(); ++i) {
+      const bool in_half = outer ? 2 * i + 1 >= rhos.size() : 2 * i + 1 <= rhos.size();
+      if (!in_half) continue;
+      for (std::size_t k = 0; k < sweep.count(); ++k) {
+        const double place = grid.place(k);
+        const auto segment = static_cast<std::size_t>(place) % static_cast<std::size_t>(grid.bits);
+        const auto part = std::min(parts - 1, static_cast<std::size_t>(place * kThirds));
+        const double expected =
+            zeros + (std::max(means[segment], 0.0) - zeros) * predicted(grid, family, dot, sweep, k, rhos[i]);
+        sums[part] += rings[i][k] - expected;
+        counts[part] += 1.0;
+      }
+    }
+    for (std::size_t part = 0; part < parts; ++part) largest = std::max(largest, std::abs(sums[part] / counts[part]));
+  }
+  return largest;
+}
+
+double quantile(std::vector<double> values, double share) {
+  const auto place = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
+}
+
+/// Whether a 0 may be hidden: over a part of its width the border outside of it is missing, and the segment is not seen to be as
+/// dark as other zeros while what hides the border is brighter. `outer` are the values near the ring's outer edge.
+bool has_hidden_zero(const Grid& grid, const std::vector<double>& border, const std::vector<double>& outer) {
+  constexpr double kMissing = 0.3;    // of what the border is like elsewhere
+  constexpr double kTooFaint = 0.25;  // a border that the blur has washed out tells nothing
+  constexpr double kTold = 0.08;      // of the contrast: tones that are told apart
+  constexpr double kPart = 0.25;      // of a segment's width
+  std::vector<double> seen, dark;
+  for (const double value : border) {
+    if (std::isfinite(value)) seen.push_back(value);
+  }
+  if (seen.size() < border.size() / 2) return false;
+  const double usual = quantile(seen, 0.7);
+  if (usual < kTooFaint) return false;
+  const auto missing = [&](std::size_t k) { return std::isfinite(border[k]) && border[k] < kMissing * usual; };
+  const auto is_zero = [&](std::size_t k) { return grid.bit(static_cast<int>(grid.place(k))) < 0.5; };
+  for (std::size_t k = 0; k < border.size(); ++k) {
+    if (is_zero(k) && !missing(k)) dark.push_back(outer[k]);
+  }
+  const double zero = dark.empty() ? 0.0 : quantile(dark, 0.5);
+  std::vector<int> hidden(static_cast<std::size_t>(grid.bits), 0);
+  for (std::size_t k = 0; k < border.size(); ++k) {
+    if (!missing(k) || !is_zero(k)) continue;
+    const double over = border[k] - zero;
+    if (over < kTold || outer[k] - zero > 0.5 * over) ++hidden[static_cast<std::size_t>(grid.place(k)) % hidden.size()];
+  }
+  return std::any_of(hidden.begin(), hidden.end(), [](int count) { return count > kPart * kSamplesPerSegment; });
+}
+
 }  // namespace
 
 RingReading read_ring(const Sampler& image, const MarkerFamily& family, const DotFit& dot) {
   RingReading reading;
   const int count = family.bits * kSamplesPerSegment;
   const Sweep sweep(image, dot, count);
-  const double contrast = dot.inner_level - dot.outer_level;
+  const Levels levels(sweep, family, dot);
+  reading.bright_gap = fraction_over_half(levels.gap());
+  reading.bright_quiet = fraction_over_half(levels.quiet());
 
-  const std::vector<double> gap = sweep.at(0.5 * (1.0 + family.ring_inner));
-  reading.bright_gap = fraction_over_half(gap, dot.outer_level, contrast);
-  const std::vector<double> quiet = sweep.at(0.5 * (family.ring_outer + family.disc_outer));
-  reading.bright_quiet = fraction_over_half(quiet, dot.outer_level, contrast);
-
-  const std::vector<double> base = smoothed(gap, kSamplesPerSegment / 2, dot.outer_level);
   std::vector<double> ring(static_cast<std::size_t>(count), 0.0);
+  std::vector<double> rhos;
+  std::vector<std::vector<double>> rings;
   const double width = family.ring_outer - family.ring_inner;
   for (int i = 0; i < kRadii; ++i) {
-    const double rho = family.ring_inner + width * (kEdgeShare + (1.0 - 2.0 * kEdgeShare) * i / (kRadii - 1));
-    const std::vector<double> greys = sweep.at(rho);
+    rhos.push_back(family.ring_inner + width * (kEdgeShare + (1.0 - 2.0 * kEdgeShare) * i / (kRadii - 1)));
+    rings.push_back(levels.at(rhos.back()));
     for (std::size_t k = 0; k < ring.size(); ++k) {
-      if (!std::isfinite(greys[k])) reading.cut = true;
-      ring[k] += (greys[k] - base[k]) / (contrast * kRadii);
+      if (!std::isfinite(rings.back()[k])) reading.cut = true;
+      ring[k] += rings.back()[k] / kRadii;
     }
   }
   if (reading.cut) return reading;
@@ -194,7 +398,18 @@ RingReading read_ring(const Sampler& image, const MarkerFamily& family, const Do
   reading.range = *largest - *smallest;
   const auto [phase, quality] = grid_phase(ring, family.bits);
   reading.grid_quality = quality;
-  classify(segment_means(ring, family.bits, phase), reading);
+  const std::vector<double> means = segment_means(ring, family.bits, phase);
+  classify(means, reading);
+
+  const Grid grid{family.bits, phase, reading.ring};
+  std::vector<double> brightness;
+  double zeros = 0.0;
+  split_brightness(grid, means, brightness, zeros);
+  reading.misfit = largest_misfit(grid, family, dot, sweep, rhos, rings, brightness, zeros);
+  if (family.border_outer > family.disc_outer) {
+    const std::vector<double> border = levels.at(0.5 * (family.disc_outer + family.border_outer));
+    reading.hidden_zero = has_hidden_zero(grid, smoothed(border, 2, kOutside), smoothed(rings.back(), 2, 0.0));
+  }
   reading.profile = std::move(ring);
   return reading;
 }
