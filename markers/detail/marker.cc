@@ -81,7 +81,7 @@ void judge_ring(const MarkerFamily& family, const DetectOptions& options, Marker
     return;
   }
   marker.id = *id;
-  if (ring.margin < options.min_margin || ring.bright_quiet > kMaxBrightQuiet || ring.misfit > kMaxMisfit || ring.hidden_zero) {
+  if (ring.margin < options.min_margin || ring.bright_quiet > kMaxBrightQuiet || ring.misfit > kMaxMisfit || ring.hidden) {
     marker.status = ObservationStatus::kAmbiguous;
   } else if (!options.ids.empty() && std::find(options.ids.begin(), options.ids.end(), *id) == options.ids.end()) {
     marker.status = ObservationStatus::kRefused;

@@ -19,7 +19,7 @@ struct RingReading {
   double bright_gap = 0.0;    ///< fraction of the gap's circumference that is not darker than the middle between dot and gap
   double bright_quiet = 0.0;  ///< the same of the quiet zone
   double misfit = 0.0;  ///< largest mean deviation of a part of a segment from what code and blur predict, over the contrast
-  bool hidden_zero = false;     ///< a segment was read as 0 where the border beyond it is missing: something may lie over both
+  bool hidden = false;  ///< something seems to lie over a segment: the border beyond a 0 is missing, a 1 has no quiet zone
   std::vector<double> profile;  ///< the values round the ring, from the major axis on
   bool cut = false;             ///< the ring reaches beyond the image
 };

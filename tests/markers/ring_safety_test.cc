@@ -93,6 +93,48 @@ TEST(RingSafety, OcclusionOfTheRingGivesNoWrongIdButForHiddenOnes) {
   EXPECT_EQ(tally.wrong, 0);
 }
 
+/// A plate lies over a part of the marker, straight-edged, of any tone: brighter or darker than the ground, or the very same.
+Tally behind_plates(const char* family, const std::vector<double>& plate_levels, int count_of_markers) {
+  Tally tally;
+  for (int i = 0; i < count_of_markers; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    MarkerScene scene = scene_of(family, 0);
+    scene.code = scene.family.codes[(37 * index) % scene.family.codes.size()].code;
+    const int id = scene.family.codes[(37 * index) % scene.family.codes.size()].id;
+    scene.roll_rad = 0.37 * i;
+    scene.samples_per_px = 4;
+    std::vector<double> levels = tests::rendered(scene);
+    const double from_radii = 1.2 + (scene.family.ring_outer - 1.2) * (i % 11) / 10.0;
+    occlude(levels, scene, 0.61 * i, from_radii, plate_levels[index % plate_levels.size()]);
+    int w0 = tally.wrong;
+    if (getenv("RI") && atoi(getenv("RI")) != i) continue;
+    count(tests::photograph(levels, scene.width_px, scene.height_px, {2.0, index}), scene, id, tally);
+    if (tally.wrong > w0) {
+      auto f = detect(tests::photograph(levels, scene.width_px, scene.height_px, {2.0, index}).view(), scene.family);
+      for (auto& o : f->observations)
+        std::printf("%s i %d level %.0f from %.2f id %d read %d margin %.2f st %d\n", family, i,
+                    plate_levels[index % plate_levels.size()], from_radii, id, o.id, o.margin, (int)o.status);
+    }
+  }
+  return tally;
+}
+
+TEST(RingSafety, PlatesOverARingWithABorderGiveNoWrongId) {
+  const Tally tally = behind_plates("ring10", {8.0, 20.0, 33.0, 45.0, 80.0}, 250);
+  EXPECT_EQ(tally.wrong, 0);
+  EXPECT_GT(tally.right, 20);  // those whose ones are hidden by nothing
+  std::printf("right %d wrong %d refused %d\n", tally.right, tally.wrong, tally.refused);
+}
+
+/// Without a border, a plate as dark as the ground that covers whole segments cannot be told from zeros; the network can.
+TEST(RingSafety, PlatesOverARingWithoutABorderGiveFewWrongIds) {
+  for (const char* family : {"aicon12", "aicon14", "agisoft12", "agisoft14"}) {
+    const Tally tally = behind_plates(family, {8.0, 20.0, 33.0, 45.0, 80.0}, 250);
+    EXPECT_LE(tally.wrong, 5) << family;
+    std::printf("%s right %d wrong %d refused %d\n", family, tally.right, tally.wrong, tally.refused);
+  }
+}
+
 TEST(RingSafety, GlareGivesNoWrongId) {
   Tally tally;
   for (std::size_t i = 0; i < 54; i += 3) {
