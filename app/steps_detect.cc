@@ -15,6 +15,7 @@
 #include "base/json_file.h"
 #include "base/parallel.h"
 #include "base/result_document.h"
+#include "markers/mirrored.h"
 #include "markers/overlay.h"
 #include "report/detection_report.h"
 
@@ -104,13 +105,16 @@ Result<ImageObservations> look_at(const ImageFile& file, const DetectionTask& ta
   return observations;
 }
 
-std::vector<base::Warning> warnings_of(const std::vector<ImageObservations>& images) {
+std::vector<base::Warning> warnings_of(const std::vector<ImageObservations>& images, const DetectionTask& task) {
   constexpr double kOverexposed = 0.05;
   std::vector<base::Warning> warnings;
   for (const ImageObservations& image : images) {
     if (coded_count(image) == 0) {
       warnings.push_back({"no_markers", image.image,
                           "no coded marker of the family was found in this image; check family, focus and exposure"});
+    }
+    if (const auto mirrored = markers::mirror_warning(image, task.family, task.options.ids)) {
+      warnings.push_back({"mirrored", image.image, *mirrored});
     }
     if (image.saturated_fraction > kOverexposed) {
       warnings.push_back({"overexposed", image.image,
@@ -195,7 +199,7 @@ Result<StepOutcome> detect_step(const DetectionTask& task, const fs::path& out, 
   });
   if (!done) return base::fail(std::move(done));
 
-  base::ResultEnvelope envelope{"detect", "pixel", sorted, {}, warnings_of(images)};
+  base::ResultEnvelope envelope{"detect", "pixel", sorted, {}, warnings_of(images, task)};
   if (auto written = base::write_observations(folder->path() / "observations.csv", images); !written)
     return base::fail(std::move(written));
   const ordered_json result = base::result_json(envelope, options, base::detection_json(images, timings));

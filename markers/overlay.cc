@@ -59,17 +59,20 @@ void draw(const base::Observation& observation, cv::Mat& canvas) {
   const double y = observation.centre_px.y();
   const int thickness = observation.semi_major_px > 40.0 ? 2 : 1;
   constexpr double kScale = 1 << kSubPixelBits;
-  cv::ellipse(canvas, fixed_point(x, y),
-              cv::Size(static_cast<int>(std::lround(observation.semi_major_px * kScale)),
-                       static_cast<int>(std::lround(observation.semi_minor_px * kScale))),
-              observation.angle_rad * 180.0 / std::numbers::pi, 0.0, 360.0, colour, thickness, cv::LINE_AA, kSubPixelBits);
-  const double arm = std::clamp(0.3 * observation.semi_minor_px, 2.0, 12.0);
+  // A tag has no ellipse; its cross marks it.
+  if (observation.semi_major_px > 0.0)
+    cv::ellipse(canvas, fixed_point(x, y),
+                cv::Size(static_cast<int>(std::lround(observation.semi_major_px * kScale)),
+                         static_cast<int>(std::lround(observation.semi_minor_px * kScale))),
+                observation.angle_rad * 180.0 / std::numbers::pi, 0.0, 360.0, colour, thickness, cv::LINE_AA, kSubPixelBits);
+  const double arm = observation.semi_minor_px > 0.0 ? std::clamp(0.3 * observation.semi_minor_px, 2.0, 12.0) : 8.0;
   cv::line(canvas, fixed_point(x - arm, y), fixed_point(x + arm, y), colour, 1, cv::LINE_AA, kSubPixelBits);
   cv::line(canvas, fixed_point(x, y - arm), fixed_point(x, y + arm), colour, 1, cv::LINE_AA, kSubPixelBits);
   if (observation.id == base::kNoId) return;
   const std::string text = std::to_string(observation.id);
   const double size = std::clamp(observation.semi_major_px / 16.0, 0.5, 2.0);
-  const cv::Point at(static_cast<int>(x + 1.3 * observation.semi_major_px) + 1, static_cast<int>(y + 8.0 * size));
+  const cv::Point at(static_cast<int>(x + std::max(1.3 * observation.semi_major_px, arm)) + 1,
+                     static_cast<int>(y + 8.0 * size));
   cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, {0, 0, 0}, 3, cv::LINE_AA);
   cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, colour, 1, cv::LINE_AA);
 }

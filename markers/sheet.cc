@@ -19,6 +19,7 @@ constexpr double kFooterMm = 15.0;  // horizontal ruler and title
 constexpr double kGapMm = 3.0;      // between the borders of neighbours, so that they can be cut apart
 constexpr double kLabelMm = 3.0;    // size of the ids' font
 constexpr double kTitleMm = 3.0;
+constexpr double kTagQuietCells = 1.0;  // beyond the layout, which has a white ring of its own only in some families
 constexpr int kRulerMm = 100;
 constexpr double kRulerLineMm = 0.15;
 
@@ -33,6 +34,9 @@ Vector2d page_size_mm(SheetPage page) {
   }
   return {210.0, 297.0};
 }
+
+/// Half the side of a tag with its quiet zone.
+double tag_reach_mm(const TagLayout& layout, double cell_mm) { return (0.5 * layout.total_cells + kTagQuietCells) * cell_mm; }
 
 /// Ink of the dot, and of its ground.
 struct Tones {
@@ -70,6 +74,42 @@ void add_marker(Sheet& sheet, const MarkerFamily& family, const MarkerCode& code
   add_ring(sheet, family, code.code, centre_mm, dot_radius_mm, tones.one);
   sheet.shapes.emplace_back(SheetDisc{centre_mm, dot_radius_mm, tones.one});
   const double label_y = centre_mm.y() + family.border_outer * dot_radius_mm + kLabelMm;
+  sheet.shapes.emplace_back(SheetText{{centre_mm.x(), label_y}, kLabelMm, true, fmt::format("#{}", code.id)});
+}
+
+/// The cells of the tone that the ground does not have, as runs along the rows and, over them, along the columns: viewers show
+/// seams between rectangles that only touch.
+void add_tag(Sheet& sheet, const MarkerFamily& family, const MarkerCode& code, const Vector2d& centre_mm, double cell_mm,
+             bool inverted) {
+  const TagLayout& layout = *family.tag;
+  const int cells = layout.total_cells;
+  const Vector2d corner_mm = centre_mm - Vector2d::Constant(0.5 * cells * cell_mm);
+  if (inverted) {
+    const double side_mm = 2.0 * tag_reach_mm(layout, cell_mm);
+    sheet.shapes.emplace_back(SheetRectangle{centre_mm - Vector2d::Constant(0.5 * side_mm), {side_mm, side_mm}, Ink::kBlack});
+  }
+  // Published tags are black on paper; inverted ones have white where those are black.
+  const auto is_drawn = [&](int x, int y) {
+    const int cell = layout.at(x, y);
+    return cell >= 0 ? ((code.code >> (family.bits - 1 - cell)) & 1U) == 0 : cell == TagLayout::kBlack;
+  };
+  for (const bool down : {false, true}) {
+    for (int line = 0; line < cells; ++line) {
+      const auto drawn = [&](int at) { return at < cells && (down ? is_drawn(line, at) : is_drawn(at, line)); };
+      for (int first = 0; first < cells; ++first) {
+        int length = 0;
+        while (drawn(first + length)) ++length;
+        if (length > (down ? 1 : 0)) {
+          const Vector2d place = down ? Vector2d(line, first) : Vector2d(first, line);
+          const Vector2d size = down ? Vector2d(1.0, length) : Vector2d(length, 1.0);
+          sheet.shapes.emplace_back(
+              SheetRectangle{corner_mm + cell_mm * place, cell_mm * size, inverted ? Ink::kWhite : Ink::kBlack});
+        }
+        first += length;
+      }
+    }
+  }
+  const double label_y = centre_mm.y() + tag_reach_mm(layout, cell_mm) + kLabelMm;
   sheet.shapes.emplace_back(SheetText{{centre_mm.x(), label_y}, kLabelMm, true, fmt::format("#{}", code.id)});
 }
 
@@ -125,13 +165,10 @@ Result<std::vector<MarkerCode>> codes_of(const MarkerFamily& family, std::span<c
   std::vector<MarkerCode> codes;
   std::set<int> seen;
   for (const int id : ids) {
-    const auto found = std::lower_bound(family.codes.begin(), family.codes.end(), id,
-                                        [](const MarkerCode& code, int value) { return code.id < value; });
-    if (found == family.codes.end() || found->id != id) {
-      return base::fail(ErrorCode::kUsage, fmt::format("{} has no id {}", family.name, id));
-    }
+    const auto code = family.code_of(id);
+    if (!code) return base::fail(ErrorCode::kUsage, fmt::format("{} has no id {}", family.name, id));
     if (!seen.insert(id).second) return base::fail(ErrorCode::kUsage, fmt::format("id {} is given twice", id));
-    codes.push_back(*found);
+    codes.push_back({id, *code});
   }
   return codes;
 }
@@ -142,6 +179,9 @@ Result<> SheetOptions::validate() const {
   if (!(dot_diameter_mm > 0.0) || !std::isfinite(dot_diameter_mm)) {
     return base::fail(ErrorCode::kUsage, fmt::format("dot_diameter_mm must be positive, not {}", dot_diameter_mm));
   }
+  if (!(cell_mm > 0.0) || !std::isfinite(cell_mm)) {
+    return base::fail(ErrorCode::kUsage, fmt::format("cell_mm must be positive, not {}", cell_mm));
+  }
   return {};
 }
 
@@ -151,11 +191,14 @@ Result<std::vector<Sheet>> marker_sheets(const MarkerFamily& family, std::span<c
   if (!codes) return base::fail(std::move(codes));
   const Vector2d page_mm = page_size_mm(options.page);
   const double dot_radius_mm = options.dot_diameter_mm / 2.0;
-  const Grid grid(page_mm, family.border_outer * dot_radius_mm);
+  const double reach_mm = family.tag ? tag_reach_mm(*family.tag, options.cell_mm) : family.border_outer * dot_radius_mm;
+  const std::string size = family.tag ? fmt::format("cells of {} mm (border square {} mm)", options.cell_mm,
+                                                    family.tag->border_cells * options.cell_mm)
+                                      : fmt::format("dot {} mm", options.dot_diameter_mm);
+  const Grid grid(page_mm, reach_mm);
   if (grid.markers() == 0) {
-    return base::fail(ErrorCode::kUsage,
-                      fmt::format("a marker with a dot of {} mm is {:.1f} mm wide and does not fit on the page",
-                                  options.dot_diameter_mm, 2.0 * family.border_outer * dot_radius_mm));
+    return base::fail(ErrorCode::kUsage, fmt::format("a marker of {}, {}, is {:.1f} mm wide and does not fit on the page",
+                                                     family.name, size, 2.0 * reach_mm));
   }
   const Tones tones = tones_of(family, options.polarity);
   const std::size_t per_page = static_cast<std::size_t>(grid.markers());
@@ -165,17 +208,21 @@ Result<std::vector<Sheet>> marker_sheets(const MarkerFamily& family, std::span<c
     Sheet sheet{page_mm.x(), page_mm.y(), {}};
     const std::size_t end = std::min(codes->size(), (page + 1) * per_page);
     for (std::size_t i = page * per_page; i < end; ++i) {
-      add_marker(sheet, family, (*codes)[i], grid.centre_mm(static_cast<int>(i - page * per_page)), dot_radius_mm, tones);
+      const Vector2d centre_mm = grid.centre_mm(static_cast<int>(i - page * per_page));
+      if (family.tag) {
+        add_tag(sheet, family, (*codes)[i], centre_mm, options.cell_mm, options.polarity == SheetPolarity::kWhiteOnBlack);
+      } else {
+        add_marker(sheet, family, (*codes)[i], centre_mm, dot_radius_mm, tones);
+      }
     }
     const double bottom_mm = page_mm.y() - kMarginMm;
     add_ruler(sheet, {kMarginMm, bottom_mm - 5.0}, false);
     add_ruler(sheet, {kMarginMm - 1.0, bottom_mm - kFooterMm}, true);
-    sheet.shapes.emplace_back(
-        SheetText{{kMarginMm, bottom_mm},
-                  kTitleMm,
-                  false,
-                  fmt::format("{}, dot {} mm, page {} of {}. Print at 100 %: both rulers must measure {} mm.", family.name,
-                              options.dot_diameter_mm, page + 1, pages, kRulerMm)});
+    sheet.shapes.emplace_back(SheetText{{kMarginMm, bottom_mm},
+                                        kTitleMm,
+                                        false,
+                                        fmt::format("{}, {}, page {} of {}. Print at 100 %: both rulers must measure {} mm.",
+                                                    family.name, size, page + 1, pages, kRulerMm)});
     sheets.push_back(std::move(sheet));
   }
   return sheets;

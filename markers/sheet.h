@@ -58,13 +58,16 @@ struct Sheet {
 enum class SheetPage { kA4, kA3, kLetter };
 
 /// Which tone the dots have. kOfFamily: white dots on black where the family demands a border of the dot's tone (ring10), else
-/// black dots on white paper.
+/// black dots on white paper. Tags: as they are published, and so with kBlackOnWhite; kWhiteOnBlack exchanges black and white.
 enum class SheetPolarity { kOfFamily, kWhiteOnBlack, kBlackOnWhite };
 
 struct SheetOptions {
   /// [mm] Diameter of the dots. Default: the size of usual stick-on targets; 2 m away, a lens of 3000 px focal length shows it
   /// 18 px wide.
   double dot_diameter_mm = 12.0;
+
+  /// [mm] Side of a tag's cells. Default: 2 m away, the same lens shows them 7.5 px wide, twice what is needed for reading.
+  double cell_mm = 5.0;
 
   SheetPage page = SheetPage::kA4;
   SheetPolarity polarity = SheetPolarity::kOfFamily;
@@ -74,9 +77,9 @@ struct SheetOptions {
 };
 
 /// Lays markers out on as many pages as they need, in the order of `ids`, true to scale. Every marker keeps its quiet zone and
-/// its border; `#<id>` stands below, outside of both. Each page has a horizontal and a vertical ruler of 100 mm, so that the
+/// its border (a tag one cell of paper more on each side); `#<id>` stands below, outside of both. Each page has a horizontal and a vertical ruler of 100 mm, so that the
 /// printer's scale is checked in both directions, and a line that says what it is. The first segment of a code begins at 3
-/// o'clock and they follow each other clockwise.
+/// o'clock and they follow each other clockwise; tags stand upright.
 ///
 /// Errors (kUsage): an id that the family does not have or that is given twice, no ids, a marker that is larger than the page.
 [[nodiscard]] base::Result<std::vector<Sheet>> marker_sheets(const MarkerFamily& family, std::span<const int> ids,

@@ -215,7 +215,7 @@ Verb init_verb() {
           {{"--images", "DIR", "folder of the photographs (they stay where they are)", true, false},
            {"--camera", "NAME='PATTERN'", "a camera and the pattern of its files' names; default: one camera, all images",
             false, true},
-           {"--family", "FAMILY", "marker family: ring10, aicon14, ...", true, false},
+           {"--family", "FAMILY", "ring10, aicon12/14/20, agisoft12/14/16/20, apriltag:tag36h11, ...", true, false},
            {"--reference", "FILE", "known coordinates: a point list, or an AICON object list (mm)", false, false},
            {"--scale-from", "ID,ID", "the one distance of the reference that defines the scale; all others stay checks", false,
             false},

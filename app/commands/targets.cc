@@ -54,17 +54,24 @@ Result<std::vector<int>> chosen_ids(const Arguments& arguments, const markers::M
   auto choice = markers::choose_distant_ids(family, *ids, static_cast<int>(**count));
   if (!choice) return base::fail(std::move(choice));
   if (choice->ids.size() > 1) {
-    session.say(fmt::format("{} ids; any two differ in at least {} of {} segments", choice->ids.size(),
-                            choice->smallest_distance, family.bits));
+    session.say(fmt::format("{} ids; any two differ in at least {} of {} {}", choice->ids.size(), choice->smallest_distance,
+                            family.bits, family.tag ? "cells" : "segments"));
   }
   return std::move(choice->ids);
 }
 
-Result<markers::SheetOptions> sheet_options(const Arguments& arguments) {
+Result<markers::SheetOptions> sheet_options(const Arguments& arguments, bool is_tag) {
   markers::SheetOptions options;
   const auto diameter_mm = arguments.number("--dot-diameter-mm");
   if (!diameter_mm) return tl::unexpected(diameter_mm.error());
   options.dot_diameter_mm = diameter_mm->value_or(options.dot_diameter_mm);
+  const auto cell_mm = arguments.number("--cell-mm");
+  if (!cell_mm) return tl::unexpected(cell_mm.error());
+  options.cell_mm = cell_mm->value_or(options.cell_mm);
+  if (is_tag ? diameter_mm->has_value() : cell_mm->has_value()) {
+    return base::fail(ErrorCode::kUsage, is_tag ? "tags have no dot: their size is --cell-mm"
+                                                : "rings have no cells: their size is --dot-diameter-mm");
+  }
   const std::string page = arguments.get("--page").value_or("a4");
   if (page == "a3") {
     options.page = markers::SheetPage::kA3;
@@ -115,7 +122,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   if (!out && !arguments.has("--list")) {
     return base::fail(ErrorCode::kUsage, "targets: say what is wanted, --list or --out sheet.pdf");
   }
-  const auto options = sheet_options(arguments);
+  const auto options = sheet_options(arguments, family->tag.has_value());
   if (!options) return tl::unexpected(options.error());
   const auto ids = chosen_ids(arguments, *family, session);
   if (!ids) return tl::unexpected(ids.error());
@@ -145,28 +152,28 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
 }  // namespace
 
 Verb targets_verb() {
-  return {
-      "targets",
-      "list the codes of a marker family, or print markers true to scale",
-      "  $ crosstie targets --family aicon14 --list | head -n 2\n"
-      "  1 129\n"
-      "  2 135\n"
-      "  $ crosstie targets --family aicon14 --count 20 --out sheet.pdf\n"
-      "  20 ids; any two differ in at least 4 of 14 segments\n"
-      "  sheet.pdf\n"
-      "  20 markers on 2 pages; print at 100 % and measure the rulers",
-      {{"--family", "FAMILY", "marker family: ring10, aicon14, ...", true, false},
-       {"--list", "", "one id and its code (decimal; first segment = most significant bit) a line", false, false},
-       {"--ids", "IDS", "ids such as 1-20 or 3,7,12 (default: all of the family)", false, true},
-       {"--count", "N", "that many of the ids, chosen so that their codes lie far apart", false, false},
-       {"--out", "FILE", "sheets to print, .pdf, or .svg with one file a page", false, false},
-       {"--dot-diameter-mm", "MM", "diameter of the dots in mm (default 12)", false, false},
-       {"--page", "SIZE", "a4 (default), a3 or letter", false, false},
-       {"--polarity", "TONE",
-        "white-on-black (dots of ring10 and of reflecting film), black-on-white (print), or family (default): what the family "
-        "demands, else black-on-white",
-        false, false}},
-      run};
+  return {"targets",
+          "list the codes of a marker family, or print markers true to scale",
+          "  $ crosstie targets --family aicon14 --list | head -n 2\n"
+          "  1 129\n"
+          "  2 135\n"
+          "  $ crosstie targets --family aicon14 --count 20 --out sheet.pdf\n"
+          "  20 ids; any two differ in at least 4 of 14 segments\n"
+          "  sheet.pdf\n"
+          "  20 markers on 2 pages; print at 100 % and measure the rulers",
+          {{"--family", "FAMILY", "ring10, aicon12/14/20, agisoft12/14/16/20, apriltag:tag36h11, ...", true, false},
+           {"--list", "", "one id and its code (decimal; first segment or cell = most significant bit) a line", false, false},
+           {"--ids", "IDS", "ids such as 1-20 or 3,7,12 (default: all of the family)", false, true},
+           {"--count", "N", "that many of the ids, chosen so that their codes lie far apart", false, false},
+           {"--out", "FILE", "sheets to print, .pdf, or .svg with one file a page", false, false},
+           {"--dot-diameter-mm", "MM", "diameter of the dots in mm (default 12)", false, false},
+           {"--cell-mm", "MM", "side of the cells of AprilTags in mm (default 5)", false, false},
+           {"--page", "SIZE", "a4 (default), a3 or letter", false, false},
+           {"--polarity", "TONE",
+            "white-on-black (dots of ring10 and of reflecting film; inverted AprilTags), black-on-white (print), or family "
+            "(default): what the family demands, else black-on-white",
+            false, false}},
+          run};
 }
 
 }  // namespace crosstie::app

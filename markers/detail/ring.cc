@@ -379,11 +379,23 @@ std::vector<bool> hidden_with_border(const std::vector<double>& border, const st
   return hidden;
 }
 
-/// The same without a border: ring and quiet zone are bright alike.
+/// The same without a border: ring and quiet zone are bright alike, more than dirt makes them.
 std::vector<bool> hidden_without_border(const std::vector<double>& quiet, const std::vector<double>& outer) {
+  constexpr double kDirt = 0.2;  // of the contrast
   std::vector<bool> hidden(quiet.size(), false);
-  for (std::size_t k = 0; k < quiet.size(); ++k) hidden[k] = outer[k] > kTold && quiet[k] > std::max(kTold, 0.5 * outer[k]);
+  for (std::size_t k = 0; k < quiet.size(); ++k) hidden[k] = outer[k] > kDirt && quiet[k] > std::max(kDirt, 0.5 * outer[k]);
   return hidden;
+}
+
+/// Deviations in the quiet zone; NaN where the blur spreads much of the ring into it, since that is not known well enough.
+std::vector<double> quiet_deviations(const MarkerFamily& family, const Levels& levels, const RingImage& expected) {
+  constexpr double kBlurred = 0.08;  // of a 1
+  const double rho = 0.5 * (family.ring_outer + family.disc_outer);
+  std::vector<double> quiet = deviations(levels.quiet(), expected, rho);
+  for (std::size_t k = 0; k < quiet.size(); ++k) {
+    if (expected.share(k, rho, family.ring_inner, family.ring_outer) > kBlurred) quiet[k] = kOutside;
+  }
+  return quiet;
 }
 
 std::vector<bool> hidden_directions(const MarkerFamily& family, const Levels& levels, const RingImage& expected,
@@ -398,8 +410,7 @@ std::vector<bool> hidden_directions(const MarkerFamily& family, const Levels& le
     }
     return hidden_with_border(border, outer);
   }
-  const std::vector<double> quiet = smoothed(levels.quiet(), 2, kOutside);
-  return hidden_without_border(deviations(quiet, expected, 0.5 * (family.ring_outer + family.disc_outer)), outer);
+  return hidden_without_border(smoothed(quiet_deviations(family, levels, expected), 2, kOutside), outer);
 }
 
 /// Directions in which something reaches over the gap too: the ring's values count from the gap's level and say nothing there.
@@ -471,8 +482,7 @@ RingReading read_ring(const Sampler& image, const MarkerFamily& family, const Do
   std::vector<bool> hidden = hidden_directions(family, levels, expected, smoothed(rings.back(), 2, 0.0));
   const std::vector<bool> covered = covered_gap(family, levels, expected);
   for (std::size_t k = 0; k < hidden.size(); ++k) hidden[k] = hidden[k] || covered[k];
-  const std::vector<double> quiet = deviations(levels.quiet(), expected, 0.5 * (family.ring_outer + family.disc_outer));
-  reading.hidden = has_hidden_segment(grid, hidden, quiet, means);
+  reading.hidden = has_hidden_segment(grid, hidden, quiet_deviations(family, levels, expected), means);
   reading.profile = std::move(ring);
   return reading;
 }

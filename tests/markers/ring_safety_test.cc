@@ -106,32 +106,27 @@ Tally behind_plates(const char* family, const std::vector<double>& plate_levels,
     std::vector<double> levels = tests::rendered(scene);
     const double from_radii = 1.2 + (scene.family.ring_outer - 1.2) * (i % 11) / 10.0;
     occlude(levels, scene, 0.61 * i, from_radii, plate_levels[index % plate_levels.size()]);
-    int w0 = tally.wrong;
-    if (getenv("RI") && atoi(getenv("RI")) != i) continue;
     count(tests::photograph(levels, scene.width_px, scene.height_px, {2.0, index}), scene, id, tally);
-    if (tally.wrong > w0) {
-      auto f = detect(tests::photograph(levels, scene.width_px, scene.height_px, {2.0, index}).view(), scene.family);
-      for (auto& o : f->observations)
-        std::printf("%s i %d level %.0f from %.2f id %d read %d margin %.2f st %d\n", family, i,
-                    plate_levels[index % plate_levels.size()], from_radii, id, o.id, o.margin, (int)o.status);
-    }
   }
   return tally;
 }
 
 TEST(RingSafety, PlatesOverARingWithABorderGiveNoWrongId) {
-  const Tally tally = behind_plates("ring10", {8.0, 20.0, 33.0, 45.0, 80.0}, 250);
+  const Tally tally = behind_plates("ring10", {8.0, 20.0, 33.0, 45.0, 80.0, 120.0}, 250);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GT(tally.right, 20);  // those whose ones are hidden by nothing
-  std::printf("right %d wrong %d refused %d\n", tally.right, tally.wrong, tally.refused);
+  EXPECT_GT(tally.right, 20);  // those of which the plate hides border and quiet zone only
 }
 
-/// Without a border, a plate as dark as the ground that covers whole segments cannot be told from zeros; the network can.
+/// Without a border, only what is brighter than dirt is told from the ground. A plate as dark as the ground that ends between
+/// two segments looks like zeros: 2 to 3 in 100 are read as another code, and the network has to find out.
 TEST(RingSafety, PlatesOverARingWithoutABorderGiveFewWrongIds) {
   for (const char* family : {"aicon12", "aicon14", "agisoft12", "agisoft14"}) {
-    const Tally tally = behind_plates(family, {8.0, 20.0, 33.0, 45.0, 80.0}, 250);
-    EXPECT_LE(tally.wrong, 5) << family;
-    std::printf("%s right %d wrong %d refused %d\n", family, tally.right, tally.wrong, tally.refused);
+    const Tally bright = behind_plates(family, {70.0, 80.0, 120.0}, 100);
+    EXPECT_EQ(bright.wrong, 0) << family;
+    EXPECT_GT(bright.right, 8) << family;  // the quiet zone alone is hidden
+    const Tally alike = behind_plates(family, {8.0, 20.0, 33.0, 45.0}, 100);
+    EXPECT_LE(alike.wrong, 4) << family;
+    EXPECT_GT(alike.right, 20) << family;
   }
 }
 

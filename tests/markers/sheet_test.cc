@@ -10,6 +10,7 @@
 
 #include "markers/detect.h"
 #include "markers/family.h"
+#include "markers/tags.h"
 
 namespace crosstie::markers {
 namespace {
@@ -97,26 +98,40 @@ std::vector<int> first_ids(const MarkerFamily& family, std::size_t count) {
   return ids;
 }
 
+/// The same for tags: the middle of what was painted since the label before.
+std::map<int, Vector2d> tag_centres_mm(const Sheet& sheet, double reach_mm) {
+  std::map<int, Vector2d> centres;
+  for (const SheetShape& shape : sheet.shapes) {
+    const auto* text = std::get_if<SheetText>(&shape);
+    if (text == nullptr || !text->text.starts_with('#')) continue;
+    centres.emplace(std::stoi(text->text.substr(1)), text->baseline_mm - Vector2d(0.0, text->size_mm + reach_mm));
+  }
+  return centres;
+}
+
 void expect_every_id_is_read(const std::string& name, SheetPolarity polarity, double dot_diameter_mm, std::size_t count) {
   SCOPED_TRACE(name);
   const auto family = marker_family(name);
   ASSERT_TRUE(family);
   const std::vector<int> ids = first_ids(*family, count);
-  const auto sheets = marker_sheets(*family, ids, {.dot_diameter_mm = dot_diameter_mm, .polarity = polarity});
+  constexpr double kCellMm = 2.0;
+  const auto sheets =
+      marker_sheets(*family, ids, {.dot_diameter_mm = dot_diameter_mm, .cell_mm = kCellMm, .polarity = polarity});
   ASSERT_TRUE(sheets) << sheets.error().message;
   std::vector<int> read;
   for (const Sheet& sheet : *sheets) {
     const base::Image image = rasterised(sheet);
     const auto found = detect(image.view(), *family);
     ASSERT_TRUE(found) << found.error().message;
-    const auto centres = centres_mm(sheet);
+    const auto centres =
+        family->tag ? tag_centres_mm(sheet, (0.5 * family->tag->total_cells + 1.0) * kCellMm) : centres_mm(sheet);
     for (const base::Observation& o : found->observations) {
       if (o.status != base::ObservationStatus::kCoded) continue;
       read.push_back(o.id);
       ASSERT_TRUE(centres.contains(o.id)) << o.id;
       const Vector2d expected_px = centres.at(o.id).array() * kPixelsPerMm - 0.5;
       EXPECT_LT((o.centre_px - expected_px).norm(), 0.05) << o.id;
-      EXPECT_NEAR(o.semi_major_px, dot_diameter_mm / 2.0 * kPixelsPerMm, 0.1) << o.id;
+      EXPECT_NEAR(o.semi_major_px, family->tag ? 0.0 : dot_diameter_mm / 2.0 * kPixelsPerMm, 0.1) << o.id;
     }
   }
   std::sort(read.begin(), read.end());
@@ -130,6 +145,21 @@ TEST(Sheet, BothPolaritiesOfEveryFamilyAreRead) {
     expect_every_id_is_read(name, SheetPolarity::kBlackOnWhite, 6.0, 16);
     expect_every_id_is_read(name, SheetPolarity::kWhiteOnBlack, 6.0, 16);
   }
+}
+
+/// A tag's border square is as many cells wide as the layout says, on the page.
+TEST(Sheet, TagsAreTrueToScale) {
+  const MarkerFamily family = *marker_family("apriltag:tag36h11");
+  const auto sheets = marker_sheets(family, std::vector<int>{0}, {.cell_mm = 6.0});
+  ASSERT_TRUE(sheets);
+  const base::Image image = rasterised(sheets->front());
+  const auto tags = detect_tags(image.view(), family);
+  ASSERT_TRUE(tags && tags->size() == 1U);
+  const auto& corners = tags->front().corners_px;
+  EXPECT_NEAR((corners[1] - corners[0]).norm(), 8 * 6.0 * kPixelsPerMm, 0.05);
+  EXPECT_NEAR((corners[2] - corners[1]).norm(), 8 * 6.0 * kPixelsPerMm, 0.05);
+  EXPECT_LT(corners[0].x(), corners[1].x());
+  EXPECT_LT(corners[0].y(), corners[3].y());
 }
 
 TEST(Sheet, TheTonesAreThoseAskedFor) {
@@ -250,6 +280,9 @@ TEST(Sheet, RefusesWhatCannotBePrinted) {
   EXPECT_THAT(message({id}, {.dot_diameter_mm = 60.0}), HasSubstr("does not fit"));
   EXPECT_THAT(message({id}, {.dot_diameter_mm = -1.0}), HasSubstr("dot_diameter_mm"));
   EXPECT_THAT(message({id}, {.dot_diameter_mm = std::nan("")}), HasSubstr("dot_diameter_mm"));
+  EXPECT_THAT(message({id}, {.cell_mm = 0.0}), HasSubstr("cell_mm"));
+  const auto too_large = marker_sheets(*marker_family("apriltag:tag36h11"), std::vector<int>{1}, {.cell_mm = 18.0});
+  EXPECT_THAT(too_large.error().message, HasSubstr("does not fit"));
   EXPECT_THAT(message({}, {}), HasSubstr("no ids"));
   EXPECT_THAT(message({9999}, {}), HasSubstr("no id 9999"));
   EXPECT_THAT(message({id, id}, {}), HasSubstr("twice"));
