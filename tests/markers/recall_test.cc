@@ -167,6 +167,34 @@ TEST_P(Recall, BelowTheReadableDomainMarkersAreRefusedNotMisread) {
   EXPECT_EQ(below.right_below, 0);
 }
 
+/// Dots up to 150 px in radius: at this size everything is many pixels wide, and nothing may depend on a window.
+TEST(LargeMarkers, AreReadAsWell) {
+  for (const char* name : {"ring10", "aicon14", "agisoft16"}) {
+    for (const double radius_px : {40.0, 80.0, 150.0}) {
+      for (const bool dark : {false, true}) {
+        MarkerScene scene;
+        scene.family = *marker_family(name);
+        scene.code = scene.family.codes[23].code;
+        scene.samples_per_px = 2;
+        scene.radius_px = radius_px;
+        scene.dark_on_bright = dark;
+        scene.blur_px = 1.2;
+        scene.width_px = scene.height_px = static_cast<int>(2.0 * scene.family.border_outer * radius_px) + 12;
+        scene.centre_px = Eigen::Vector2d::Constant(0.5 * scene.width_px - 0.3);
+        const auto found = detect(tests::photograph(scene, {2.0, 7}).view(), scene.family);
+        ASSERT_TRUE(found);
+        int coded = 0;
+        for (const base::Observation& o : found->observations) {
+          if (o.status != ObservationStatus::kCoded) continue;
+          ++coded;
+          EXPECT_EQ(o.id, scene.family.codes[23].id) << name << ' ' << radius_px;
+        }
+        EXPECT_EQ(coded, 1) << name << ' ' << radius_px << ' ' << dark;
+      }
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Families, Recall, testing::ValuesIn(marker_family_names()), [](const auto& family) {
   std::string name = family.param;
   std::replace(name.begin(), name.end(), ':', '_');
