@@ -18,7 +18,7 @@ namespace {
 using base::ObservationStatus;
 using tests::MarkerScene;
 
-constexpr int kMarkers = 60;
+constexpr int kMarkers = 40;
 constexpr double kReadablePx = 2.5;      // width of the narrowest segment from which on a ring is read
 constexpr double kReadableCellPx = 3.0;  // the same of a tag's cell
 constexpr double kSmallestDotPx = 4.0;   // radius across the direction of the tilt
