@@ -154,6 +154,8 @@ RingReading read_ring(const Sampler& image, const MarkerFamily& family, const Do
   const RingCover cover = look_for_cover(family, dot, sweep, levels, grid, means, rhos, std::move(rings));
   reading.misfit = cover.misfit;
   reading.hidden = cover.hidden;
+  // The ring's light in the gap counts from the gap's own level there, however the light changes outwards.
+  for (std::size_t k = 0; k < ring.size(); ++k) ring[k] += levels.carried(k, 0.5 * (family.ring_inner + family.ring_outer));
   reading.profile = std::move(ring);
   return reading;
 }

@@ -63,6 +63,8 @@ class RingLevels {
 
   [[nodiscard]] const std::vector<double>& gap() const { return gap_; }
   [[nodiscard]] const std::vector<double>& quiet() const { return quiet_; }
+  /// What at() takes off at `rho` beyond the gap's level in each direction.
+  [[nodiscard]] double carried(std::size_t k, double rho) const { return tilt(k, rho - gap_rho_) / contrast_; }
   /// At `rho`, from the gap's level in each direction; NaN outside of the image.
   [[nodiscard]] std::vector<double> at(double rho) const {
     std::vector<double> values = sweep_.at(rho);
