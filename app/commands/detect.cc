@@ -61,7 +61,7 @@ Verb detect_verb() {
       "detect",
       "find coded markers in photographs, with a covariance for each centre",
       "  $ crosstie detect --family ring10 photographs/*.png --out found\n"
-      "  24 images, 1073 coded markers\n"
+      "  24 images, 1042 coded markers\n"
       "  found/result.json",
       {{"IMAGE", "IMAGE", "photographs (PNG, TIFF, BMP, PGM, JPEG) or patterns", true, true},
        {"--family", "FAMILY", "ring10, aicon12/14/20, agisoft12/14/16/20, apriltag:tag36h11, ...", true, false},
