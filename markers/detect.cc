@@ -31,6 +31,18 @@ base::Observation observation_of(const detail::Marker& marker) {
   return observation;
 }
 
+/// Whether the candidate is a dot that was measured already, or a segment of a ring that was read.
+bool explained(const detail::Candidate& candidate, const std::vector<detail::Marker>& markers, const MarkerFamily& family) {
+  return std::any_of(markers.begin(), markers.end(), [&](const detail::Marker& marker) {
+    const detail::Ellipse& dot = marker.dot.ellipse;
+    const Eigen::Vector2d e = candidate.ellipse.centre_px - dot.centre_px;
+    if (e.cwiseAbs().maxCoeff() > family.ring_outer * dot.semi_major_px) return false;
+    const bool read = marker.status == base::ObservationStatus::kCoded || marker.status == base::ObservationStatus::kRefused;
+    const double reach = read ? family.ring_outer : 0.5;
+    return e.dot(dot.shape() * e) < reach * reach;
+  });
+}
+
 bool before(const base::Observation& a, const base::Observation& b) {
   return std::make_tuple(static_cast<int>(a.status), a.id, a.centre_px.y(), a.centre_px.x()) <
          std::make_tuple(static_cast<int>(b.status), b.id, b.centre_px.y(), b.centre_px.x());
@@ -82,6 +94,7 @@ Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& fam
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (progress.cancelled()) return base::cancelled("detection of markers");
     progress("detect", i, candidates.size());
+    if (explained(candidates[i], markers, family)) continue;
     if (auto marker = detail::measure_marker(sampler, candidates[i], family, options)) markers.push_back(*marker);
   }
   progress("detect", candidates.size(), candidates.size());
