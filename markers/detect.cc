@@ -11,6 +11,7 @@
 #include "markers/detail/candidates.h"
 #include "markers/detail/exposure.h"
 #include "markers/detail/marker.h"
+#include "markers/detail/quick_look.h"
 
 namespace crosstie::markers {
 namespace {
@@ -94,7 +95,10 @@ Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& fam
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (progress.cancelled()) return base::cancelled("detection of markers");
     progress("detect", i, candidates.size());
-    if (explained(candidates[i], markers, family)) continue;
+    if (explained(candidates[i], markers, family) ||
+        !detail::looks_like_dot(sampler, candidates[i], family.ring_inner, options.min_contrast * image.white_level)) {
+      continue;
+    }
     if (auto marker = detail::measure_marker(sampler, candidates[i], family, options)) markers.push_back(*marker);
   }
   progress("detect", candidates.size(), candidates.size());

@@ -113,7 +113,7 @@ std::vector<Candidate> find_candidates(const base::ImageView& image, const Detec
   for (int level = 0;; ++level) {
     const double scale = std::exp2(level);
     const bool last = std::min(grey.width, grey.height) < 2 * kSmallestSidePx || max_radius_px < 8.0 * scale;
-    const Limits limits{level == 0 ? options.min_radius_px - 0.5 : kMinReducedRadiusPx, last ? 1e9 : kMaxLevelRadiusPx,
+    const Limits limits{level == 0 ? options.min_radius_px - 0.25 : kMinReducedRadiusPx, last ? 1e9 : kMaxLevelRadiusPx,
                         max_radius_px / scale + 1.0, 0.85 * options.min_axis_ratio};
     const int delta = static_cast<int>(std::lround(std::clamp(3.0 * noise / scale, 2.0, 12.0)));
     const std::size_t words = words_per_row(grey.width) * static_cast<std::size_t>(grey.height);

@@ -1,17 +1,16 @@
 #include "markers/detail/dot_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
-#include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "markers/detail/dot_kernel.h"
 #include "markers/detail/dot_noise.h"
 #include "markers/detail/dot_pixels.h"
-#include "markers/detail/edge_profile.h"
+#include "markers/detail/small_cholesky.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -19,16 +18,17 @@ namespace {
 /// The parameters, lengths in units of the start ellipse's mean radius, in the order of the kernel's columns.
 enum Parameter { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy };
 using State = Eigen::Matrix<double, kDotColumns, 1>;
-using Normal = Eigen::Matrix<double, kDotColumns, kDotColumns>;
-using AllNormal = Eigen::Matrix<double, kAllColumns, kAllColumns>;
-using AllRight = Eigen::Matrix<double, kAllColumns, 1>;
 
 constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
 constexpr double kSlopeSigma = 0.02;      // a priori: change of a level per dot radius, of the contrast
 constexpr double kRoughlyConvergedPx = 0.05;
-constexpr double kConvergedPx = 2e-3;  // of the last step; what remains after it is a small part of that
-constexpr int kMaxIterations = 20;
-constexpr double kHopeless = 0.3;  // RMS of the residuals over the contrast: not a dot
+constexpr double kConvergedPx = 0.01;  // the last step: what remains after it is some hundredths of it
+constexpr int kRoughPixels = 220;      // that are enough for the first steps
+constexpr int kMaxRoughSteps = 9;
+constexpr int kMaxSteps = 12;
+constexpr int kMaxAttempts = 4;
+constexpr int kMaxRounds = 4;
+constexpr double kHopeless = 0.2;  // RMS of the residuals over the contrast: not a dot
 
 /// What does not change during a fit.
 struct Problem {
@@ -84,64 +84,125 @@ double step_px(const State& step, double radius_px) {
          (std::hypot(step[kCx], step[kCy]) + std::abs(step[kBlur]) + 0.5 * (std::abs(step[kAxx]) + std::abs(step[kAyy])));
 }
 
-/// Levenberg-Marquardt on fixed pixels and fixed weights, until a step moves the edge by less than `converged_px`; that one is
-/// taken without a look at its cost. Returns the sums at the last state that was looked at.
-DotSums adjust(const Problem& problem, double converged_px, int max_iterations, State& state) {
+/// The columns' sums with the prior's: lower triangle and right side.
+template <std::size_t N>
+void normal_equations(const DotSums& sums, const State& weights, const State& pull, std::array<double, N * N>& n,
+                      std::array<double, N>& b) {
+  for (std::size_t column = 0; column < N; ++column) {
+    for (std::size_t row = column; row < N; ++row) n[column * N + row] = sums.normal[row * kAllColumns + column];
+    b[column] = sums.right[column];
+  }
+  for (std::size_t k = 0; k < kDotColumns; ++k) {
+    n[k * N + k] += weights[static_cast<int>(k)];
+    b[k] += pull[static_cast<int>(k)];
+  }
+}
+
+/// How an adjustment ended; the sums belong to the last state whose cost was looked at.
+struct Outcome {
+  DotSums sums;
+  bool converged;
+};
+
+/// Levenberg-Marquardt on fixed pixels and fixed weights, until a step moves the edge by less than `converged_px`: that one is
+/// taken without a look at its cost.
+Outcome adjust(const Problem& problem, double converged_px, int max_steps, State& state) {
   const double radius_px = problem.pixels.radius_px;
   const DotPixels pixels = problem.pixels.view();
   const State weights = prior_weights(problem.start, radius_px);
   const auto sums_at = [&](const State& at, DotSums& sums) {
     sum_dot(model_of(at, problem.saturated_level), pixels, nullptr, sums);
-    const State r = prior_residual(at, problem.start);
-    sums.cost += r.cwiseAbs2().dot(weights);
+    sums.cost += prior_residual(at, problem.start).cwiseAbs2().dot(weights);
   };
-  DotSums sums, tried;
-  sums_at(state, sums);
+  Outcome outcome{{}, false};
+  DotSums tried;
+  sums_at(state, outcome.sums);
   double damping = 1e-4;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    Normal n = Eigen::Map<const AllNormal>(sums.normal).topLeftCorner<kDotColumns, kDotColumns>();
-    n.diagonal() += weights;
-    const State b = Eigen::Map<const State>(sums.right) + weights.cwiseProduct(prior_residual(state, problem.start));
+  for (int step_count = 0; step_count < max_steps; ++step_count) {
+    const State pull = weights.cwiseProduct(prior_residual(state, problem.start));
+    std::array<double, kDotColumns * kDotColumns> n;
+    std::array<double, kDotColumns> b;
+    normal_equations<kDotColumns>(outcome.sums, weights, pull, n, b);
     bool lowered = false;
-    for (int attempt = 0; attempt < 8 && !lowered; ++attempt) {
-      Normal damped = n;
-      damped.diagonal() *= 1.0 + damping;
-      const State step = damped.selfadjointView<Eigen::Upper>().llt().solve(b);
-      State next = state + step;
-      next[kBlur] = std::max(next[kBlur], kSmallestBlurPx / radius_px);
-      if (plausible(next, problem.start, radius_px)) {
-        if (step_px(next - state, radius_px) < converged_px) {
-          state = next;
-          return sums;
-        }
-        sums_at(next, tried);
-        if (tried.cost <= sums.cost) {
-          state = next;
-          std::swap(sums, tried);
-          lowered = true;
-          damping = std::max(damping * 0.1, 1e-9);
+    for (int attempt = 0; attempt < kMaxAttempts && !lowered; ++attempt) {
+      auto damped = n;
+      for (std::size_t k = 0; k < kDotColumns; ++k) damped[k * kDotColumns + k] *= 1.0 + damping;
+      const SmallCholesky<kDotColumns> root(damped);
+      if (root.definite()) {
+        const auto step = root.solve(b);
+        State next = state + Eigen::Map<const State>(step.data());
+        next[kBlur] = std::max(next[kBlur], kSmallestBlurPx / radius_px);
+        if (plausible(next, problem.start, radius_px)) {
+          if (step_px(next - state, radius_px) < converged_px) {
+            state = next;
+            outcome.converged = true;
+            return outcome;
+          }
+          sums_at(next, tried);
+          if (tried.cost <= outcome.sums.cost) {
+            state = next;
+            std::swap(outcome.sums, tried);
+            lowered = true;
+            damping = std::max(damping * 0.1, 1e-9);
+          }
         }
       }
       if (!lowered) damping = std::max(damping * 10.0, 1e-4);
     }
-    if (!lowered) return sums;  // no step lowers the cost: as good as it gets
+    if (!lowered) {  // no step lowers the cost: as good as it gets
+      outcome.converged = true;
+      return outcome;
+    }
   }
-  return sums;
+  return outcome;
 }
 
-double median_between(const PixelSet& pixels, const Eigen::Matrix2d& shape, double from_rho, double to_rho) {
-  std::vector<float> greys;
-  greys.reserve(pixels.used);
-  for (std::size_t i = 0; i < pixels.used; ++i) {
-    const double x = static_cast<double>(pixels.x[i]);
-    const double y = static_cast<double>(pixels.y[i]);
-    const double rho2 = shape(0, 0) * x * x + 2.0 * shape(0, 1) * x * y + shape(1, 1) * y * y;
-    if (rho2 >= from_rho * from_rho && rho2 <= to_rho * to_rho) greys.push_back(pixels.grey[i]);
+/// Whether what is left of the residuals, or the size or blur so far, leave no hope that this is a dot.
+bool hopeless(const Outcome& outcome, const Problem& problem, const State& state, const DotFitOptions& options) {
+  const double contrast = std::abs(state[kI] - state[kO]);
+  const double rms = std::sqrt(outcome.sums.squares / static_cast<double>(problem.pixels.used));
+  const double determinant = state[kAxx] * state[kAyy] - state[kAxy] * state[kAxy];
+  const double trace = state[kAxx] + state[kAyy];
+  const double largest = 0.5 * trace + std::sqrt(std::max(0.25 * trace * trace - determinant, 0.0));
+  const double semi_minor_px = problem.pixels.radius_px / std::sqrt(largest);
+  return contrast < options.min_contrast || rms > kHopeless * contrast || semi_minor_px < 0.9 * options.min_radius_px ||
+         state[kBlur] * problem.pixels.radius_px > 0.8 * semi_minor_px;
+}
+
+/// A problem without pixels, in units of the ellipse's mean radius from a whole pixel near its centre on.
+Problem problem_of(const Ellipse& ellipse, const DotFitOptions& options) {
+  Problem problem{{}, options.saturated_level, State::Zero()};
+  problem.pixels.origin_px = ellipse.centre_px.array().round().matrix();
+  problem.pixels.radius_px = std::sqrt(ellipse.semi_major_px * ellipse.semi_minor_px);
+  return problem;
+}
+
+/// Ellipse and blur in those units; levels are left at zero.
+State start_state(const Ellipse& ellipse, double blur_px, const PixelSet& pixels) {
+  const Eigen::Matrix2d shape = ellipse.shape() * pixels.radius_px * pixels.radius_px;
+  State start = State::Zero();
+  start.head<2>() = (ellipse.centre_px - pixels.origin_px) / pixels.radius_px;
+  start[kAxx] = shape(0, 0);
+  start[kAxy] = shape(0, 1);
+  start[kAyy] = shape(1, 1);
+  start[kBlur] = blur_px / pixels.radius_px;
+  return start;
+}
+
+/// Median grey level between two rho, of a sample of the pixels.
+double median_between(const PixelSet& pixels, const State& s, double from_rho, double to_rho) {
+  constexpr std::size_t kSample = 256;
+  std::array<float, 2 * kSample> greys;
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < pixels.used; i += 1 + pixels.used / kSample) {
+    const double x = static_cast<double>(pixels.x[i]) - s[kCx];
+    const double y = static_cast<double>(pixels.y[i]) - s[kCy];
+    const double rho2 = s[kAxx] * x * x + 2.0 * s[kAxy] * x * y + s[kAyy] * y * y;
+    if (rho2 >= from_rho * from_rho && rho2 <= to_rho * to_rho) greys[n++] = pixels.grey[i];
   }
-  if (greys.empty()) return 0.0;
-  const auto middle = greys.begin() + static_cast<std::ptrdiff_t>(greys.size() / 2);
-  std::nth_element(greys.begin(), middle, greys.end());
-  return static_cast<double>(*middle);
+  if (n == 0) return 0.0;
+  std::nth_element(greys.begin(), greys.begin() + n / 2, greys.begin() + n);
+  return static_cast<double>(greys[n / 2]);
 }
 
 std::optional<Ellipse> ellipse_of(const State& s, const PixelSet& pixels) {
@@ -150,36 +211,29 @@ std::optional<Ellipse> ellipse_of(const State& s, const PixelSet& pixels) {
   return Ellipse::from_shape(pixels.origin_px + pixels.radius_px * s.head<2>(), shape / std::pow(pixels.radius_px, 2));
 }
 
-/// Covariance of the centre and the power of the harmonics 3..5, from the normal equations extended by them.
-void judge_edge(const Problem& problem, const State& state, DotFit& fit) {
-  const double radius_px = problem.pixels.radius_px;
-  const Eigen::Matrix2d to_unit = radius_px * fit.ellipse.pixel_from_unit().inverse();
-  const float unit[4] = {static_cast<float>(to_unit(0, 0)), static_cast<float>(to_unit(0, 1)),
-                         static_cast<float>(to_unit(1, 0)), static_cast<float>(to_unit(1, 1))};
-  DotSums sums;
-  sum_dot(model_of(state, problem.saturated_level), problem.pixels.view(), unit, sums);
-  AllNormal n = Eigen::Map<const AllNormal>(sums.normal);
-  AllRight b = Eigen::Map<const AllRight>(sums.right);
-  const State weights = prior_weights(problem.start, radius_px);
-  n.diagonal().head<kDotColumns>() += weights;
-  b.head<kDotColumns>() += weights.cwiseProduct(prior_residual(state, problem.start));
-  const Normal inner = n.topLeftCorner<kDotColumns, kDotColumns>();
-  const Eigen::LLT<Normal, Eigen::Upper> inner_root(inner);
-  const Eigen::Matrix<double, kDotColumns, 2> first_two = Eigen::Matrix<double, kDotColumns, 2>::Identity();
-  fit.cov_px2 = radius_px * radius_px * inner_root.solve(first_two).topRows<2>();
-  // With N = L L' and y = L^-1 b, the amplitudes are the solution of L_hh' a = y_h, and a' Q_aa^-1 a = y_h' y_h.
-  const Eigen::LLT<AllNormal, Eigen::Upper> root(n);
-  const AllRight y = root.matrixL().solve(b);
-  const Eigen::Matrix<double, kEdgeHarmonics, 1> y_h = y.tail<kEdgeHarmonics>();
-  fit.harmonic_power = y_h.squaredNorm() / kEdgeHarmonics;
-  const Eigen::Matrix<double, kEdgeHarmonics, kEdgeHarmonics> upper =
-      Eigen::Matrix<double, kAllColumns, kAllColumns>(root.matrixU()).bottomRightCorner<kEdgeHarmonics, kEdgeHarmonics>();
-  const Eigen::Matrix<double, kEdgeHarmonics, 1> amplitudes = radius_px * upper.triangularView<Eigen::Upper>().solve(y_h);
-  for (int h = 0; h < kEdgeHarmonics / 2; ++h) {
-    fit.deviation_px = std::max(fit.deviation_px, std::hypot(amplitudes[2 * h], amplitudes[2 * h + 1]));
+/// Power and largest amplitude of the harmonics 3..5 from the normal equations extended by them; false where they are singular.
+/// With N = L D L' and y = L^-1 b, the amplitudes are L_hh'^-1 D_h^-1 y_h, and their power y_h' D_h^-1 y_h.
+bool judge_edge(const DotSums& sums, const State& weights, const State& pull, double radius_px, DotFit& fit) {
+  std::array<double, kAllColumns * kAllColumns> n;
+  std::array<double, kAllColumns> b;
+  normal_equations<kAllColumns>(sums, weights, pull, n, b);
+  const SmallCholesky<kAllColumns> root(n);
+  if (!root.definite()) return false;
+  const auto y = root.forward(b);
+  std::array<double, kEdgeHarmonics> amplitudes;
+  double power = 0.0;
+  for (std::size_t k = kEdgeHarmonics; k-- > 0;) {
+    const std::size_t row = kDotColumns + k;
+    amplitudes[k] = y[row] / root.pivot(row);
+    power += y[row] * amplitudes[k];
+    for (std::size_t i = k + 1; i < kEdgeHarmonics; ++i) amplitudes[k] -= root.factor(kDotColumns + i, row) * amplitudes[i];
   }
-  fit.residual = std::sqrt(sums.squares / static_cast<double>(problem.pixels.used));
+  fit.harmonic_power = power / kEdgeHarmonics;
+  for (std::size_t h = 0; h < kEdgeHarmonics; h += 2) {
+    fit.deviation_px = std::max(fit.deviation_px, radius_px * std::hypot(amplitudes[h], amplitudes[h + 1]));
+  }
   fit.outlier_fraction = sums.edge > 0.0 ? sums.edge_lost / sums.edge : 1.0;
+  return true;
 }
 
 /// How far out the pixels belong to the gap although the ring shines into it through the blur.
@@ -195,14 +249,22 @@ double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor
 double depth_px(double blur_px) { return std::max(6.0, 5.0 * blur_px); }
 
 void collect(const base::ImageView& image, const Ellipse& ellipse, const DotFitOptions& options, double blur_px,
-             double at_least_px, PixelSet& pixels) {
-  const double depth = std::max(depth_px(blur_px), at_least_px) / ellipse.semi_minor_px;
+             PixelSet& pixels) {
+  const double depth = depth_px(blur_px) / ellipse.semi_minor_px;
   pixels.collect(image, ellipse, 1.0 - depth, std::min(outer_rho(options, blur_px, ellipse.semi_minor_px), 1.0 + 2.0 * depth));
-  if (options.ring == nullptr) return;
-  for (std::size_t i = 0; i < pixels.used; ++i) {
-    const Eigen::Vector2d offset(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i]));
-    pixels.grey[i] -= static_cast<float>(options.ring->at(pixels.origin_px + pixels.radius_px * offset));
-  }
+  if (options.ring != nullptr) options.ring->take_off(pixels);
+}
+
+/// Some pixels of a band around the edge that holds where the start is off by a quarter of the semi-minor axis.
+void collect_roughly(const base::ImageView& image, const Ellipse& ellipse, double outer, PixelSet& pixels) {
+  const double band = std::max(4.0 / ellipse.semi_minor_px, 0.4);
+  const double inner = std::max(1.0 - band, 0.0);
+  outer = std::min(outer, 1.0 + band);
+  const double count =
+      std::numbers::pi * (outer * outer - inner * inner) * ellipse.semi_major_px * ellipse.semi_minor_px / kRoughPixels;
+  const int x_step = std::max(1, static_cast<int>(std::lround(std::sqrt(count))));
+  const int y_step = std::max(1, static_cast<int>(std::lround(count / x_step)));
+  pixels.collect(image, ellipse, inner, outer, x_step, y_step);
 }
 
 bool inside_of(const base::ImageView& image, const Ellipse& ellipse) {
@@ -211,78 +273,99 @@ bool inside_of(const base::ImageView& image, const Ellipse& ellipse) {
          ellipse.centre_px.x() + half.x() <= image.width - 1.5 && ellipse.centre_px.y() + half.y() <= image.height - 1.5;
 }
 
-}  // namespace
-
-double RingLight::at(const Eigen::Vector2d& pixel) const {
-  const Eigen::Vector2d e = pixel - ellipse.centre_px;
-  const double c = std::cos(ellipse.angle_rad);
-  const double s = std::sin(ellipse.angle_rad);
-  const Eigen::Vector2d u((c * e.x() + s * e.y()) / ellipse.semi_major_px, (c * e.y() - s * e.x()) / ellipse.semi_minor_px);
-  const double rho = u.norm();
-  if (rho < 0.5) return 0.0;
-  const double gradient = std::hypot(u.x() / ellipse.semi_major_px, u.y() / ellipse.semi_minor_px) / rho;
-  const double spread = edge_profile((rho - inner_rho) / (gradient * blur_px)).distribution;
-  if (spread <= 0.0) return 0.0;
-  const auto n = static_cast<double>(profile.size());
-  double position = std::atan2(u.y(), u.x()) / (2.0 * std::numbers::pi) * n;
-  if (position < 0.0) position += n;
-  const auto k = static_cast<std::size_t>(position);
-  const double fraction = position - static_cast<double>(k);
-  const double f = (1.0 - fraction) * profile[k % profile.size()] + fraction * profile[(k + 1) % profile.size()];
-  return contrast * f * spread;
+/// The numbers that take an offset from the centre, in the fit's units, to the unit circle.
+std::array<float, 4> unit_from_offset(const Ellipse& ellipse, double radius_px) {
+  const Eigen::Matrix2d m = radius_px * ellipse.pixel_from_unit().inverse();
+  return {static_cast<float>(m(0, 0)), static_cast<float>(m(0, 1)), static_cast<float>(m(1, 0)), static_cast<float>(m(1, 1))};
 }
 
-std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& start_ellipse, const DotFitOptions& options) {
-  const base::ImageView& image = sampler.image();
-  Problem problem{{}, options.saturated_level, State::Zero()};
+/// Takes the pixels and weights that the state tells, and adjusts until these give no other state. The last step comes with the
+/// covariance and the harmonics of the edge from the same sums.
+std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& options, Problem& problem, State& state) {
   PixelSet& pixels = problem.pixels;
-  pixels.origin_px = start_ellipse.centre_px.array().round().matrix();
-  pixels.radius_px = std::sqrt(start_ellipse.semi_major_px * start_ellipse.semi_minor_px);
   const double radius_px = pixels.radius_px;
-  double blur_px = std::min(1.0, 0.3 * start_ellipse.semi_minor_px);
-  Ellipse ellipse = start_ellipse;
-  collect(image, ellipse, options, blur_px, 0.4 * ellipse.semi_minor_px, pixels);
-  if (pixels.used < 2 * kDotColumns) return std::nullopt;
-  const Eigen::Matrix2d shape = ellipse.shape() * radius_px * radius_px;
+  for (int round = 1;; ++round) {
+    const auto ellipse = ellipse_of(state, pixels);
+    if (!ellipse || ellipse->semi_minor_px < options.min_radius_px || !inside_of(image, *ellipse)) return std::nullopt;
+    collect(image, *ellipse, options, state[kBlur] * radius_px, pixels);
+    if (pixels.used < 2 * kDotColumns) return std::nullopt;
+    pixels.evaluate(model_of(state, options.saturated_level));
+    weigh(noise_of(pixels, options.saturated_level), pixels);
+    DotSums sums;
+    sum_dot(model_of(state, options.saturated_level), pixels.view(), unit_from_offset(*ellipse, radius_px).data(), sums);
+    const State weights = prior_weights(problem.start, radius_px);
+    const State pull = weights.cwiseProduct(prior_residual(state, problem.start));
+    std::array<double, kDotColumns * kDotColumns> n;
+    std::array<double, kDotColumns> b;
+    normal_equations<kDotColumns>(sums, weights, pull, n, b);
+    const SmallCholesky<kDotColumns> root(n);
+    if (!root.definite()) return std::nullopt;
+    const auto step = root.solve(b);
+    State next = state + Eigen::Map<const State>(step.data());
+    next[kBlur] = std::max(next[kBlur], kSmallestBlurPx / radius_px);
+    if (step_px(next - state, radius_px) > kConvergedPx && round < kMaxRounds) {
+      adjust(problem, kConvergedPx, kMaxSteps, state);
+      continue;
+    }
+    if (!plausible(next, problem.start, radius_px)) return std::nullopt;
+    const auto found = ellipse_of(next, pixels);
+    if (!found) return std::nullopt;
+    DotFit fit;
+    fit.ellipse = *found;
+    fit.blur_px = next[kBlur] * radius_px;
+    fit.inner_slope = next.segment<2>(kIx) / radius_px;
+    fit.outer_slope = next.segment<2>(kOx) / radius_px;
+    fit.inner_level = next[kI] + next.segment<2>(kIx).dot(next.head<2>());
+    fit.outer_level = next[kO] + next.segment<2>(kOx).dot(next.head<2>());
+    fit.residual = std::sqrt(sums.squares / static_cast<double>(pixels.used));
+    const auto cx = root.solve({1.0});
+    const auto cy = root.solve({0.0, 1.0});
+    fit.cov_px2 << cx[0], cx[1], cx[1], cy[1];
+    fit.cov_px2 *= radius_px * radius_px;
+    if (!judge_edge(sums, weights, pull, radius_px, fit)) return std::nullopt;
+    return fit;
+  }
+}
+
+}  // namespace
+
+std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& ellipse, const DotFitOptions& options) {
+  const base::ImageView& image = sampler.image();
+  Problem problem = problem_of(ellipse, options);
+  PixelSet& pixels = problem.pixels;
+  const double blur_px = std::min(1.0, 0.3 * ellipse.semi_minor_px);
   const double reach = outer_rho(options, blur_px, ellipse.semi_minor_px);
-  const Eigen::Vector2d centre = (ellipse.centre_px - pixels.origin_px) / radius_px;
-  problem.start << centre, shape(0, 0), shape(0, 1), shape(1, 1), blur_px / radius_px,
-      median_between(pixels, shape, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0), 0.0, 0.0,
-      median_between(pixels, shape, 0.0, 0.8), 0.0, 0.0;
+  collect_roughly(image, ellipse, reach, pixels);
+  if (pixels.used < 2 * kDotColumns) return std::nullopt;
+  problem.start = start_state(ellipse, blur_px, pixels);
+  problem.start[kO] = median_between(pixels, problem.start, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0);
+  problem.start[kI] = median_between(pixels, problem.start, 0.0, 0.8);
   const double contrast = std::abs(problem.start[kI] - problem.start[kO]);
   if (contrast < 0.5 * options.min_contrast) return std::nullopt;
   const double rough = std::max(0.03 * contrast, 1.0);
   State state = problem.start;
   pixels.evaluate(model_of(state, options.saturated_level));
   weigh({.outer = rough, .inner = rough}, pixels);
-  const DotSums sums = adjust(problem, kRoughlyConvergedPx, kMaxIterations, state);
-  const double rough_contrast = std::abs(state[kI] - state[kO]);
-  if (rough_contrast < options.min_contrast ||
-      std::sqrt(sums.squares / static_cast<double>(pixels.used)) > kHopeless * rough_contrast) {
-    return std::nullopt;
+  // Few steps tell what cannot be a dot.
+  for (const int steps : {3, kMaxRoughSteps}) {
+    const Outcome outcome = adjust(problem, kRoughlyConvergedPx, steps, state);
+    if (hopeless(outcome, problem, state, options)) return std::nullopt;
+    if (outcome.converged) break;
+    if (steps == kMaxRoughSteps) return std::nullopt;
   }
+  return finish(image, options, problem, state);
+}
 
-  for (int pass = 0; pass < 2; ++pass) {
-    const auto found = ellipse_of(state, pixels);
-    if (!found || found->semi_minor_px < options.min_radius_px || !inside_of(image, *found)) return std::nullopt;
-    ellipse = *found;
-    blur_px = state[kBlur] * radius_px;
-    collect(image, ellipse, options, blur_px, 0.0, pixels);
-    if (pixels.used < 2 * kDotColumns) return std::nullopt;
-    pixels.evaluate(model_of(state, options.saturated_level));
-    weigh(noise_of(pixels, options.saturated_level), pixels);
-    adjust(problem, pass == 0 ? kRoughlyConvergedPx : kConvergedPx, kMaxIterations, state);
-  }
-
-  const auto found = ellipse_of(state, pixels);
-  if (!found) return std::nullopt;
-  DotFit fit;
-  fit.ellipse = *found;
-  fit.blur_px = state[kBlur] * radius_px;
-  fit.inner_level = state[kI] + state[kIx] * state[kCx] + state[kIy] * state[kCy];
-  fit.outer_level = state[kO] + state[kOx] * state[kCx] + state[kOy] * state[kCy];
-  judge_edge(problem, state, fit);
-  return fit;
+std::optional<DotFit> refine_dot(const Sampler& sampler, const DotFit& earlier, const DotFitOptions& options) {
+  Problem problem = problem_of(earlier.ellipse, options);
+  problem.start = start_state(earlier.ellipse, earlier.blur_px, problem.pixels);
+  const auto centre = problem.start.head<2>();
+  problem.start.segment<2>(kOx) = problem.pixels.radius_px * earlier.outer_slope;
+  problem.start.segment<2>(kIx) = problem.pixels.radius_px * earlier.inner_slope;
+  problem.start[kO] = earlier.outer_level - problem.start.segment<2>(kOx).dot(centre);
+  problem.start[kI] = earlier.inner_level - problem.start.segment<2>(kIx).dot(centre);
+  State state = problem.start;
+  return finish(sampler.image(), options, problem, state);
 }
 
 }  // namespace crosstie::markers::detail

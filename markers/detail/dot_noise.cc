@@ -1,7 +1,9 @@
 #include "markers/detail/dot_noise.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 
 namespace crosstie::markers::detail {
 namespace {
@@ -9,36 +11,61 @@ namespace {
 constexpr double kOutlier = 4.0;       // standard deviations from which on a pixel loses weight
 constexpr double kQuantisation = 0.3;  // grey levels: no pixel is better than the rounding of its level
 constexpr double kMadToSigma = 1.4826;
-constexpr std::size_t kEnough = 8;
 
-double median_of(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return static_cast<double>(*middle);
-}
+/// Counts of residuals in bins of equal width; what is larger than all falls into the last one.
+class Histogram {
+ public:
+  void add(std::size_t bin) { ++counts_[bin]; }
+  [[nodiscard]] bool enough() const { return std::accumulate(counts_.begin(), counts_.end(), 0) >= kEnough; }
+
+  /// In bins, interpolated within its bin.
+  [[nodiscard]] double median() const {
+    const double half = 0.5 * std::accumulate(counts_.begin(), counts_.end(), 0);
+    double below = 0.0;
+    for (std::size_t bin = 0; bin < kBins; ++bin) {
+      const double here = counts_[bin];
+      if (below + here >= half) return static_cast<double>(bin) + (half - below) / std::max(here, 1.0);
+      below += here;
+    }
+    return kBins;
+  }
+
+  static constexpr std::size_t kBins = 256;
+
+ private:
+  static constexpr int kEnough = 8;
+  std::array<int, kBins> counts_{};
+};
 
 }  // namespace
 
 DotNoise noise_of(const PixelSet& pixels, double saturated_level) {
-  std::vector<float> outer, inner, edge;
-  outer.reserve(pixels.used);
-  inner.reserve(pixels.used);
-  edge.reserve(pixels.used);
   float steepest = 0.0F;
-  for (std::size_t i = 0; i < pixels.used; ++i) steepest = std::max(steepest, std::abs(pixels.slope[i]));
-  const auto saturated = static_cast<float>(saturated_level);
+  float sum = 0.0F;
   for (std::size_t i = 0; i < pixels.used; ++i) {
-    // Where model or image is cut off, the residual says nothing of the noise.
-    if (pixels.grey[i] >= saturated) continue;
-    const float residual = std::abs(pixels.residual[i]);
-    (pixels.inside[i] < 0.5F ? outer : inner).push_back(residual);
-    if (std::abs(pixels.slope[i]) > 0.4F * steepest) edge.push_back(residual);
+    steepest = std::max(steepest, std::abs(pixels.slope[i]));
+    sum += std::abs(pixels.residual[i]);
   }
+  // The medians of the parts lie below some times the mean of all.
+  constexpr float kRange = 4.0F;
+  const float width = std::max(kRange * sum / static_cast<float>(pixels.used) / Histogram::kBins, 1e-6F);
+  const float per_width = 1.0F / width;
+  const auto saturated = static_cast<float>(saturated_level);
+  constexpr float kLast = Histogram::kBins - 1;
+  Histogram outer, inner, edge;
+  for (std::size_t i = 0; i < pixels.used; ++i) {
+    // Where the image is cut off, the residual says nothing of the noise.
+    if (pixels.grey[i] >= saturated) continue;
+    const auto bin = static_cast<std::size_t>(std::min(std::abs(pixels.residual[i]) * per_width, kLast));
+    (pixels.inside[i] < 0.5F ? outer : inner).add(bin);
+    if (std::abs(pixels.slope[i]) > 0.4F * steepest) edge.add(bin);
+  }
+  const double per_bin = kMadToSigma * static_cast<double>(width);
   DotNoise noise;
   noise.steepest = std::max(static_cast<double>(steepest), 1e-6);
-  if (outer.size() >= kEnough) noise.outer = std::max(kQuantisation, kMadToSigma * median_of(outer));
-  noise.inner = inner.size() >= kEnough ? std::max(kQuantisation, kMadToSigma * median_of(inner)) : noise.outer;
-  if (edge.size() >= kEnough) noise.edge = kMadToSigma * median_of(edge);
+  if (outer.enough()) noise.outer = std::max(kQuantisation, per_bin * outer.median());
+  noise.inner = inner.enough() ? std::max(kQuantisation, per_bin * inner.median()) : noise.outer;
+  if (edge.enough()) noise.edge = per_bin * edge.median();
   return noise;
 }
 

@@ -22,12 +22,13 @@ Span span_of(const Eigen::Matrix2d& shape, double centre_x, double ey, double rh
 }
 
 template <typename Sample>
-void append(const Sample* row, Span span, int width, float x0, float per_px, float y, PixelSet& set) {
+void append(const Sample* row, Span span, int width, int step, float x0, float per_px, float y, PixelSet& set) {
   span.begin = std::max(span.begin, 0);
   span.end = std::min(span.end, width);
   if (span.begin >= span.end) return;
   const std::size_t from = set.used;
-  set.used += static_cast<std::size_t>(span.end - span.begin);
+  const int count = (span.end - span.begin + step - 1) / step;
+  set.used += static_cast<std::size_t>(count);
   if (set.x.size() < set.used) {
     const std::size_t size = 2 * set.used + 64;
     set.x.resize(size);
@@ -37,16 +38,18 @@ void append(const Sample* row, Span span, int width, float x0, float per_px, flo
   float* const xs = set.x.data() + from;
   float* const ys = set.y.data() + from;
   float* const greys = set.grey.data() + from;
-  for (int i = 0; i < span.end - span.begin; ++i) {
-    xs[i] = (static_cast<float>(span.begin + i) - x0) * per_px;
+  for (int i = 0; i < count; ++i) {
+    const int x = span.begin + i * step;
+    xs[i] = (static_cast<float>(x) - x0) * per_px;
     ys[i] = y;
-    greys[i] = static_cast<float>(row[span.begin + i]);
+    greys[i] = static_cast<float>(row[x]);
   }
 }
 
 }  // namespace
 
-void PixelSet::collect(const base::ImageView& image, const Ellipse& ellipse, double inner_rho, double outer_rho) {
+void PixelSet::collect(const base::ImageView& image, const Ellipse& ellipse, double inner_rho, double outer_rho, int x_step,
+                       int y_step) {
   used = 0;
   const Eigen::Matrix2d shape = ellipse.shape();
   const double half = outer_rho * ellipse.half_extent_px().y();
@@ -55,16 +58,16 @@ void PixelSet::collect(const base::ImageView& image, const Ellipse& ellipse, dou
   // The origin is a whole pixel, so that offsets are exact in single precision.
   const auto x0 = static_cast<float>(origin_px.x());
   const auto per_px = static_cast<float>(1.0 / radius_px);
-  for (int row = top; row <= bottom; ++row) {
+  for (int row = top; row <= bottom; row += y_step) {
     const double ey = row - ellipse.centre_px.y();
     const auto y_unit = static_cast<float>((row - origin_px.y()) / radius_px);
     const Span outer = span_of(shape, ellipse.centre_px.x(), ey, outer_rho);
     const Span inner = inner_rho > 0.0 ? span_of(shape, ellipse.centre_px.x(), ey, inner_rho) : Span{0, 0};
     const auto take = [&](const Span& span) {
       if (image.bits == 8) {
-        append(image.row<std::uint8_t>(row), span, image.width, x0, per_px, y_unit, *this);
+        append(image.row<std::uint8_t>(row), span, image.width, x_step, x0, per_px, y_unit, *this);
       } else {
-        append(image.row<std::uint16_t>(row), span, image.width, x0, per_px, y_unit, *this);
+        append(image.row<std::uint16_t>(row), span, image.width, x_step, x0, per_px, y_unit, *this);
       }
     };
     if (inner.begin < inner.end) {

@@ -18,8 +18,10 @@ struct PixelSet {
   std::vector<float> x, y, grey, weight, limit2;
   std::vector<float> residual, inside, slope;  ///< of the model that was evaluated last
 
-  /// Takes the pixels with inner_rho <= rho <= outer_rho of the ellipse (none left out inside where inner_rho <= 0).
-  void collect(const base::ImageView& image, const Ellipse& ellipse, double inner_rho, double outer_rho);
+  /// Takes the pixels with inner_rho <= rho <= outer_rho of the ellipse (none left out inside where inner_rho <= 0): all of them,
+  /// or every x_step-th of every y_step-th row.
+  void collect(const base::ImageView& image, const Ellipse& ellipse, double inner_rho, double outer_rho, int x_step = 1,
+               int y_step = 1);
 
   void evaluate(const DotModel& model);
   [[nodiscard]] DotPixels view() const { return {x.data(), y.data(), grey.data(), weight.data(), limit2.data(), x.size()}; }

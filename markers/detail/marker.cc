@@ -1,7 +1,6 @@
 #include "markers/detail/marker.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -23,28 +22,6 @@ constexpr double kPlainRange = 0.35;      // of the contrast: below it there is 
 constexpr double kMinGridQuality = 0.25;
 constexpr double kMinRingContrast = 0.4;
 constexpr double kMinSegmentPx = 2.5;  // smallest width of a segment that is read
-
-/// A quick look before the fit: whether nearly everywhere round the candidate it is brighter inside than outside.
-bool looks_like_dot(const Sampler& image, const Candidate& candidate) {
-  constexpr int kDirections = 16;
-  constexpr int kNeeded = 12;
-  const Ellipse& ellipse = candidate.ellipse;
-  const Eigen::Matrix2d pixel_from_unit = ellipse.pixel_from_unit();
-  const double depth_px = std::min(1.5, 0.5 * ellipse.semi_minor_px);
-  std::array<double, kDirections> steps{};
-  for (int k = 0; k < kDirections; ++k) {
-    const double phi = 2.0 * std::numbers::pi * k / kDirections;
-    const Eigen::Vector2d edge = pixel_from_unit * Eigen::Vector2d(std::cos(phi), std::sin(phi));
-    const double share = depth_px / edge.norm();
-    const Eigen::Vector2d inner = ellipse.centre_px + (1.0 - share) * edge;
-    const Eigen::Vector2d outer = ellipse.centre_px + (1.0 + share) * edge;
-    if (!image.inside(inner.x(), inner.y()) || !image.inside(outer.x(), outer.y())) return false;
-    const double step = image.bilinear(inner.x(), inner.y()) - image.bilinear(outer.x(), outer.y());
-    steps[static_cast<std::size_t>(k)] = candidate.bright ? step : -step;
-  }
-  const double largest = *std::max_element(steps.begin(), steps.end());
-  return std::count_if(steps.begin(), steps.end(), [&](double step) { return step > 0.15 * largest; }) >= kNeeded;
-}
 
 bool is_dot(const DotFit& fit, const Candidate& candidate, const ImageView& image, const DetectOptions& options) {
   const double contrast = fit.inner_level - fit.outer_level;
@@ -115,7 +92,6 @@ bool read_in_full(const Marker& marker) {
 
 std::optional<Marker> measure_marker(const Sampler& image, const Candidate& candidate, const MarkerFamily& family,
                                      const DetectOptions& options) {
-  if (!looks_like_dot(image, candidate)) return std::nullopt;
   const double white_level = image.image().white_level;
   DotFitOptions fit_options{.gap_outer = family.ring_inner,
                             .saturated_level = options.saturated_level * white_level,
@@ -132,7 +108,7 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
     const RingLight ring{fit->ellipse, fit->blur_px, fit->inner_level - fit->outer_level, family.ring_inner,
                          marker.ring.profile};
     fit_options.ring = &ring;
-    const std::optional<DotFit> refined = fit_dot(image, fit->ellipse, fit_options);
+    const std::optional<DotFit> refined = refine_dot(image, *fit, fit_options);
     if (refined && is_dot(*refined, candidate, image.image(), options)) marker.dot = *refined;
   }
   return marker;

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "markers/detail/candidates.h"
+#include "markers/detail/sampler.h"
+
+namespace crosstie::markers::detail {
+
+/// Whether a candidate is worth a fit: brighter (darker) inside than in the gap around, which ends at `gap_outer` [dot radii],
+/// by at least `min_contrast` grey levels, in nearly all of 16 directions. A few pixels decide; thresholds are wide of what the
+/// fit accepts.
+[[nodiscard]] bool looks_like_dot(const Sampler& image, const Candidate& candidate, double gap_outer, double min_contrast);
+
+}  // namespace crosstie::markers::detail
