@@ -21,14 +21,16 @@ using State = Eigen::Matrix<double, kDotColumns, 1>;
 
 constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
 constexpr double kSlopeSigma = 0.02;      // a priori: change of a level per dot radius, of the contrast
-constexpr double kRoughlyConvergedPx = 0.05;
-constexpr double kConvergedPx = 0.01;  // the last step: what remains after it is some hundredths of it
-constexpr int kRoughPixels = 220;      // that are enough for the first steps
-constexpr int kMaxRoughSteps = 9;
+constexpr double kRoughlyConvergedPx = 0.1;
+constexpr double kConvergedPx = 1e-3;      // what remains after the last step, judged by how steps shrink,
+constexpr double kConvergedSigmas = 0.05;  // and the same in standard deviations of the centre: one of both is enough
+constexpr int kRoughPixels = 160;          // that are enough for the first steps
+constexpr int kMaxRoughSteps = 5;          // after the first three
 constexpr int kMaxSteps = 12;
 constexpr int kMaxAttempts = 4;
-constexpr int kMaxRounds = 4;
-constexpr double kHopeless = 0.2;  // RMS of the residuals over the contrast: not a dot
+constexpr int kMaxRounds = 5;
+constexpr double kSmallStepPx = 0.25;  // that need not be watched
+constexpr double kHopeless = 0.2;      // RMS of the residuals over the contrast: not a dot
 
 /// What does not change during a fit.
 struct Problem {
@@ -279,52 +281,96 @@ std::array<float, 4> unit_from_offset(const Ellipse& ellipse, double radius_px) 
   return {static_cast<float>(m(0, 0)), static_cast<float>(m(0, 1)), static_cast<float>(m(1, 0)), static_cast<float>(m(1, 1))};
 }
 
+/// Grey levels that residuals may have before the noise is known.
+double rough_noise(const State& s) { return std::max(0.03 * std::abs(s[kI] - s[kO]), 1.0); }
+
+/// The undamped step from the state that the sums were taken at.
+struct Step {
+  SmallCholesky<kDotColumns> root;
+  State next;
+  double px;  ///< by which it moves the edge
+};
+
+std::optional<Step> step_from(const State& state, const DotSums& sums, const State& weights, const State& pull,
+                              double radius_px) {
+  std::array<double, kDotColumns * kDotColumns> n;
+  std::array<double, kDotColumns> b;
+  normal_equations<kDotColumns>(sums, weights, pull, n, b);
+  Step step{SmallCholesky<kDotColumns>(n), state, 0.0};
+  if (!step.root.definite()) return std::nullopt;
+  step.next += Eigen::Map<const State>(step.root.solve(b).data());
+  step.next[kBlur] = std::max(step.next[kBlur], kSmallestBlurPx / radius_px);
+  step.px = step_px(step.next - state, radius_px);
+  return step;
+}
+
+DotFit fit_of(const State& s, const Ellipse& ellipse, double radius_px) {
+  DotFit fit;
+  fit.ellipse = ellipse;
+  fit.blur_px = s[kBlur] * radius_px;
+  fit.inner_slope = s.segment<2>(kIx) / radius_px;
+  fit.outer_slope = s.segment<2>(kOx) / radius_px;
+  fit.inner_level = s[kI] + s.segment<2>(kIx).dot(s.head<2>());
+  fit.outer_level = s[kO] + s.segment<2>(kOx).dot(s.head<2>());
+  return fit;
+}
+
 /// Takes the pixels and weights that the state tells, and adjusts until these give no other state. The last step comes with the
 /// covariance and the harmonics of the edge from the same sums.
-std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& options, Problem& problem, State& state) {
+/// From a rough state, the first step has equal weights, since its residuals are not noise yet.
+std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& options, bool rough, State state,
+                             Problem& problem) {
   PixelSet& pixels = problem.pixels;
   const double radius_px = pixels.radius_px;
-  for (int round = 1;; ++round) {
+  const State weights = prior_weights(problem.start, radius_px);
+  DotSums sums;
+  double previous_px = kRoughlyConvergedPx;
+  for (int round = 1; round <= kMaxRounds; ++round) {
     const auto ellipse = ellipse_of(state, pixels);
     if (!ellipse || ellipse->semi_minor_px < options.min_radius_px || !inside_of(image, *ellipse)) return std::nullopt;
     collect(image, *ellipse, options, state[kBlur] * radius_px, pixels);
     if (pixels.used < 2 * kDotColumns) return std::nullopt;
-    pixels.evaluate(model_of(state, options.saturated_level));
-    weigh(noise_of(pixels, options.saturated_level), pixels);
-    DotSums sums;
-    sum_dot(model_of(state, options.saturated_level), pixels.view(), unit_from_offset(*ellipse, radius_px).data(), sums);
-    const State weights = prior_weights(problem.start, radius_px);
-    const State pull = weights.cwiseProduct(prior_residual(state, problem.start));
-    std::array<double, kDotColumns * kDotColumns> n;
-    std::array<double, kDotColumns> b;
-    normal_equations<kDotColumns>(sums, weights, pull, n, b);
-    const SmallCholesky<kDotColumns> root(n);
-    if (!root.definite()) return std::nullopt;
-    const auto step = root.solve(b);
-    State next = state + Eigen::Map<const State>(step.data());
-    next[kBlur] = std::max(next[kBlur], kSmallestBlurPx / radius_px);
-    if (step_px(next - state, radius_px) > kConvergedPx && round < kMaxRounds) {
-      adjust(problem, kConvergedPx, kMaxSteps, state);
-      continue;
+    for (bool last = round > 1 || !rough;; last = true) {
+      const DotModel model = model_of(state, options.saturated_level);
+      if (last) {
+        pixels.evaluate(model);
+        weigh(noise_of(pixels, options.saturated_level), pixels);
+      } else {
+        weigh_equally(rough_noise(state), pixels);
+      }
+      sum_dot(model, pixels.view(), last ? unit_from_offset(*ellipse, radius_px).data() : nullptr, sums);
+      const State pull = weights.cwiseProduct(prior_residual(state, problem.start));
+      const auto step = step_from(state, sums, weights, pull, radius_px);
+      if (!step) return std::nullopt;
+      if (step->px > kSmallStepPx) {
+        adjust(problem, kRoughlyConvergedPx, kMaxSteps, state);
+        break;
+      }
+      if (!plausible(step->next, problem.start, radius_px)) return std::nullopt;
+      if (last) {
+        const auto cx = step->root.solve({1.0});
+        const auto cy = step->root.solve({0.0, 1.0});
+        const double remaining_px = step->px * std::min(step->px / std::max(previous_px, 1e-12), 1.0);
+        const double sigma_px = radius_px * std::sqrt(0.5 * (cx[0] + cy[1]));
+        if (remaining_px > std::max(kConvergedPx, kConvergedSigmas * sigma_px) && round < kMaxRounds) {
+          previous_px = step->px;
+          state = step->next;
+          break;
+        }
+        const auto found = ellipse_of(step->next, pixels);
+        if (!found) return std::nullopt;
+        DotFit fit = fit_of(step->next, *found, radius_px);
+        fit.cov_px2 << cx[0], cx[1], cx[1], cy[1];
+        fit.cov_px2 *= radius_px * radius_px;
+        fit.residual = std::sqrt(sums.squares / static_cast<double>(pixels.used));
+        if (!judge_edge(sums, weights, pull, radius_px, fit)) return std::nullopt;
+        return fit;
+      }
+      previous_px = step->px;
+      state = step->next;
     }
-    if (!plausible(next, problem.start, radius_px)) return std::nullopt;
-    const auto found = ellipse_of(next, pixels);
-    if (!found) return std::nullopt;
-    DotFit fit;
-    fit.ellipse = *found;
-    fit.blur_px = next[kBlur] * radius_px;
-    fit.inner_slope = next.segment<2>(kIx) / radius_px;
-    fit.outer_slope = next.segment<2>(kOx) / radius_px;
-    fit.inner_level = next[kI] + next.segment<2>(kIx).dot(next.head<2>());
-    fit.outer_level = next[kO] + next.segment<2>(kOx).dot(next.head<2>());
-    fit.residual = std::sqrt(sums.squares / static_cast<double>(pixels.used));
-    const auto cx = root.solve({1.0});
-    const auto cy = root.solve({0.0, 1.0});
-    fit.cov_px2 << cx[0], cx[1], cx[1], cy[1];
-    fit.cov_px2 *= radius_px * radius_px;
-    if (!judge_edge(sums, weights, pull, radius_px, fit)) return std::nullopt;
-    return fit;
   }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -342,10 +388,8 @@ std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& ellipse, co
   problem.start[kI] = median_between(pixels, problem.start, 0.0, 0.8);
   const double contrast = std::abs(problem.start[kI] - problem.start[kO]);
   if (contrast < 0.5 * options.min_contrast) return std::nullopt;
-  const double rough = std::max(0.03 * contrast, 1.0);
   State state = problem.start;
-  pixels.evaluate(model_of(state, options.saturated_level));
-  weigh({.outer = rough, .inner = rough}, pixels);
+  weigh_equally(rough_noise(state), pixels);
   // Few steps tell what cannot be a dot.
   for (const int steps : {3, kMaxRoughSteps}) {
     const Outcome outcome = adjust(problem, kRoughlyConvergedPx, steps, state);
@@ -353,7 +397,7 @@ std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& ellipse, co
     if (outcome.converged) break;
     if (steps == kMaxRoughSteps) return std::nullopt;
   }
-  return finish(image, options, problem, state);
+  return finish(image, options, true, state, problem);
 }
 
 std::optional<DotFit> refine_dot(const Sampler& sampler, const DotFit& earlier, const DotFitOptions& options) {
@@ -364,8 +408,7 @@ std::optional<DotFit> refine_dot(const Sampler& sampler, const DotFit& earlier, 
   problem.start.segment<2>(kIx) = problem.pixels.radius_px * earlier.inner_slope;
   problem.start[kO] = earlier.outer_level - problem.start.segment<2>(kOx).dot(centre);
   problem.start[kI] = earlier.inner_level - problem.start.segment<2>(kIx).dot(centre);
-  State state = problem.start;
-  return finish(sampler.image(), options, problem, state);
+  return finish(sampler.image(), options, false, problem.start, problem);
 }
 
 }  // namespace crosstie::markers::detail

@@ -83,4 +83,12 @@ void weigh(const DotNoise& noise, PixelSet& pixels) {
   for (std::size_t i = pixels.used; i < count; ++i) pixels.weight[i] = 0.0F;
 }
 
+void weigh_equally(double sigma, PixelSet& pixels) {
+  const auto variance = static_cast<float>(sigma * sigma);
+  const auto used = static_cast<std::ptrdiff_t>(pixels.used);
+  std::fill(pixels.weight.begin(), pixels.weight.begin() + used, 1.0F / variance);
+  std::fill(pixels.weight.begin() + used, pixels.weight.end(), 0.0F);
+  std::fill(pixels.limit2.begin(), pixels.limit2.end(), static_cast<float>(kOutlier * kOutlier) * variance);
+}
+
 }  // namespace crosstie::markers::detail

@@ -20,4 +20,7 @@ struct DotNoise {
 /// Sets the weights and outlier limits of the pixels for that model.
 void weigh(const DotNoise& noise, PixelSet& pixels);
 
+/// The same for noise of one standard deviation everywhere, without a model.
+void weigh_equally(double sigma, PixelSet& pixels);
+
 }  // namespace crosstie::markers::detail

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "markers/detail/quick_look.h"
+
 namespace crosstie::markers::detail {
 namespace {
 
@@ -101,6 +103,7 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
   if (!fit || !is_dot(*fit, candidate, image.image(), options)) return std::nullopt;
   Marker marker;
   marker.dot = *fit;
+  if (stands_alone(image, fit->ellipse, fit->inner_level, fit->outer_level, family)) return marker;
   marker.ring = read_ring(image, family, *fit);
   if (marker.ring.bright_gap > kMaxBrightGap) return std::nullopt;
   judge_ring(family, options, marker);
@@ -109,7 +112,11 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
                          marker.ring.profile};
     fit_options.ring = &ring;
     const std::optional<DotFit> refined = refine_dot(image, *fit, fit_options);
-    if (refined && is_dot(*refined, candidate, image.image(), options)) marker.dot = *refined;
+    if (refined && is_dot(*refined, candidate, image.image(), options)) {
+      marker.dot = *refined;
+      marker.id = base::kNoId;
+      judge_ring(family, options, marker);  // the sizes that it asks for are known better now
+    }
   }
   return marker;
 }

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
+
+#include <Eigen/Geometry>
 
 namespace crosstie::markers::detail {
 namespace {
@@ -79,6 +82,37 @@ bool looks_like_dot(const Sampler& image, const Candidate& candidate, double gap
   for (const double value : step) mean_step += value / (kDirections * contrast);
   return bright >= kBrightInside && dark >= kDarkGap && mean_step > kMinStep &&
          scatter_of(step) < kMaxStepScatter * std::abs(contrast) && scatter_of(inner) < kMaxInnerScatter * std::abs(contrast);
+}
+
+bool stands_alone(const Sampler& image, const Ellipse& ellipse, double inner_level, double outer_level,
+                  const MarkerFamily& family) {
+  constexpr double kEven = 0.2;  // of the contrast: rings are read from a range of 0.35 on
+  const double ring_rho = 0.5 * (family.ring_inner + family.ring_outer);
+  const Eigen::Vector2d reach = ring_rho * ellipse.half_extent_px();
+  if (!image.inside(ellipse.centre_px.x() - reach.x(), ellipse.centre_px.y() - reach.y()) ||
+      !image.inside(ellipse.centre_px.x() + reach.x(), ellipse.centre_px.y() + reach.y())) {
+    return false;
+  }
+  const double gap_rho = 0.5 * (1.0 + family.ring_inner);
+  const double contrast = inner_level - outer_level;
+  const Eigen::Matrix2d pixel_from_unit = ellipse.pixel_from_unit();
+  const double step_rad = std::numbers::pi / family.bits;
+  const Eigen::Rotation2Dd turn(step_rad);
+  Eigen::Vector2d unit(1.0, 0.0);
+  double least = std::numeric_limits<double>::infinity();
+  double most = -least;
+  for (int k = 0; k < 2 * family.bits; ++k, unit = turn * unit) {
+    const Eigen::Vector2d edge = pixel_from_unit * unit;
+    const auto at = [&](double rho) {
+      return image.bilinear(ellipse.centre_px.x() + rho * edge.x(), ellipse.centre_px.y() + rho * edge.y());
+    };
+    if ((at(gap_rho) - outer_level) / contrast > 0.5 - kEven) return false;
+    const double ring = at(ring_rho) / contrast;
+    least = std::min(least, ring);
+    most = std::max(most, ring);
+    if (most - least > kEven) return false;
+  }
+  return true;
 }
 
 }  // namespace crosstie::markers::detail

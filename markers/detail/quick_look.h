@@ -2,6 +2,7 @@
 
 #include "markers/detail/candidates.h"
 #include "markers/detail/sampler.h"
+#include "markers/family.h"
 
 namespace crosstie::markers::detail {
 
@@ -9,5 +10,10 @@ namespace crosstie::markers::detail {
 /// by at least `min_contrast` grey levels, in nearly all of 16 directions. A few pixels decide; thresholds are wide of what the
 /// fit accepts.
 [[nodiscard]] bool looks_like_dot(const Sampler& image, const Candidate& candidate, double gap_outer, double min_contrast);
+
+/// Whether nothing around a dot can be a ring: gap and ring as even as a plain ground, in twice as many directions as a ring has
+/// segments. False where in doubt.
+[[nodiscard]] bool stands_alone(const Sampler& image, const Ellipse& ellipse, double inner_level, double outer_level,
+                                const MarkerFamily& family);
 
 }  // namespace crosstie::markers::detail

@@ -46,8 +46,7 @@ void RingLight::take_off(PixelSet& pixels) const {
     const double gradient = std::sqrt(gx * gx + gy * gy) / rho;
     const double spread = edge_profile((rho - inner_rho) / (gradient * blur_px)).distribution;
     if (spread <= 0.0) continue;
-    const double position =
-        count * turns_of(to_unit(0, 0) * ex + to_unit(0, 1) * ey, to_unit(1, 0) * ex + to_unit(1, 1) * ey);
+    const double position = count * turns_of(to_unit(0, 0) * ex + to_unit(0, 1) * ey, to_unit(1, 0) * ex + to_unit(1, 1) * ey);
     const auto k = static_cast<std::size_t>(position);
     const double fraction = position - static_cast<double>(k);
     const double f = (1.0 - fraction) * profile[k % profile.size()] + fraction * profile[(k + 1) % profile.size()];

@@ -52,7 +52,7 @@ class SmallCholesky {
   }
 
   [[nodiscard]] double factor(std::size_t row, std::size_t column) const { return a_[column * N + row]; }  ///< of L
-  [[nodiscard]] double pivot(std::size_t k) const { return 1.0 / inverse_[k]; }                           ///< of D
+  [[nodiscard]] double pivot(std::size_t k) const { return 1.0 / inverse_[k]; }                            ///< of D
 
  private:
   std::array<double, N * N> a_;
