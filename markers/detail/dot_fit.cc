@@ -16,11 +16,12 @@ namespace crosstie::markers::detail {
 namespace {
 
 /// The parameters, lengths in units of the start ellipse's mean radius, in the order of the kernel's columns.
-enum Parameter { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy };
+enum Parameter : std::size_t { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy };
 using State = Eigen::Matrix<double, kDotColumns, 1>;
 
 constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
-constexpr double kSlopeSigma = 0.02;      // a priori: change of a level per dot radius, of the contrast
+constexpr double kLightSlopeSigma = 0.05;   // a priori: relative change of the light per dot radius,
+constexpr double kOtherSlopeSigma = 0.003;  // and change of a level by other causes, of the contrast
 constexpr double kRoughlyConvergedPx = 0.1;
 constexpr double kConvergedPx = 1e-3;      // what remains after the last step, judged by how steps shrink,
 constexpr double kConvergedSigmas = 0.05;  // and the same in standard deviations of the centre: one of both is enough
@@ -29,6 +30,8 @@ constexpr int kMaxRoughSteps = 5;          // after the first three
 constexpr int kMaxSteps = 12;
 constexpr int kMaxAttempts = 4;
 constexpr int kMaxRounds = 5;
+constexpr int kMaxLooks = 3;        // for a start of about the right size,
+constexpr double kGoodScale = 0.15;  // which is this
 constexpr double kSmallStepPx = 0.25;  // that need not be watched
 constexpr double kHopeless = 0.2;      // RMS of the residuals over the contrast: not a dot
 
@@ -56,29 +59,66 @@ DotModel model_of(const State& s, double saturated_level) {
           static_cast<float>(saturated_level)};
 }
 
-/// Weights of what is known beforehand: the levels' slopes are near zero; undetermined levels of saturated dots, and the blur,
-/// stay near their start, weakly.
-State prior_weights(const State& start, double radius_px) {
-  State weights = State::Zero();
-  const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
-  for (const int k : {kOx, kOy, kIx, kIy}) weights[k] = 1.0 / std::pow(kSlopeSigma * contrast, 2);
-  weights[kI] = 1.0 / (contrast * contrast);
-  weights[kBlur] = radius_px * radius_px;
-  return weights;
-}
+/// What is known beforehand, weakly: undetermined levels of saturated dots, and the blur, stay near their start; light that falls
+/// off by some percent per dot radius changes both levels in proportion, and anything else changes them by less.
+class Prior {
+ public:
+  Prior(const State& start, double radius_px) : start_(start) {
+    const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
+    level_ = 1.0 / (contrast * contrast);
+    blur_ = radius_px * radius_px;
+    const double other = std::pow(kOtherSlopeSigma * contrast, 2);
+    const double light = kLightSlopeSigma * kLightSlopeSigma;
+    Eigen::Matrix2d covariance;
+    covariance << light * start[kO] * start[kO] + other, light * start[kO] * start[kI], light * start[kO] * start[kI],
+        light * start[kI] * start[kI] + other;
+    slopes_ = covariance.inverse();
+  }
 
-/// Where the prior pulls to: slopes of zero, the start's values.
-State prior_residual(const State& state, const State& start) {
-  State r = start - state;
-  for (const int k : {kOx, kOy, kIx, kIy}) r[k] = -state[k];
-  return r;
-}
+  /// Adds its normal equations at `state` to the lower triangle of n, stride N, and to b.
+  template <std::size_t N>
+  void add(const State& state, std::array<double, N * N>& n, std::array<double, N>& b) const {
+    n[kI * N + kI] += level_;
+    b[kI] += level_ * (start_[kI] - state[kI]);
+    n[kBlur * N + kBlur] += blur_;
+    b[kBlur] += blur_ * (start_[kBlur] - state[kBlur]);
+    for (const std::size_t axis : {1U, 2U}) {
+      const std::size_t o = kO + axis;
+      const std::size_t i = kI + axis;
+      const Eigen::Vector2d pull = -slopes_ * slopes_of(state, axis);
+      n[o * N + o] += slopes_(0, 0);
+      n[o * N + i] += slopes_(1, 0);
+      n[i * N + i] += slopes_(1, 1);
+      b[o] += pull[0];
+      b[i] += pull[1];
+    }
+  }
+
+  [[nodiscard]] double cost(const State& state) const {
+    double sum = level_ * std::pow(state[kI] - start_[kI], 2) + blur_ * std::pow(state[kBlur] - start_[kBlur], 2);
+    for (const std::size_t axis : {1U, 2U}) {
+      const Eigen::Vector2d slopes = slopes_of(state, axis);
+      sum += slopes.dot(slopes_ * slopes);
+    }
+    return sum;
+  }
+
+ private:
+  static Eigen::Vector2d slopes_of(const State& s, std::size_t axis) {
+    return {s[static_cast<int>(kO + axis)], s[static_cast<int>(kI + axis)]};
+  }
+
+  const State& start_;
+  double level_, blur_;
+  Eigen::Matrix2d slopes_;  ///< inverse covariance of the outer and the inner level's slope
+};
 
 /// Whether this is still the candidate: blur below its radius, area within a factor of two, centre within half a radius.
 bool plausible(const State& s, const State& start, double radius_px) {
   const double determinant = s[kAxx] * s[kAyy] - s[kAxy] * s[kAxy];  // 1 / relative area^2
+  const double before = start[kAxx] * start[kAyy] - start[kAxy] * start[kAxy];
   return s.allFinite() && s[kBlur] >= 0.999 * kSmallestBlurPx / radius_px && s[kBlur] < 1.0 && s[kAxx] > 0.0 &&
-         determinant > 0.25 && determinant < 4.0 && std::hypot(s[kCx] - start[kCx], s[kCy] - start[kCy]) < 0.5;
+         determinant > 0.25 * before && determinant < 4.0 * before && std::hypot(s[kCx] - start[kCx], s[kCy] - start[kCy]) < 0.5;
 }
 
 double step_px(const State& step, double radius_px) {
@@ -88,16 +128,13 @@ double step_px(const State& step, double radius_px) {
 
 /// The columns' sums with the prior's: lower triangle and right side.
 template <std::size_t N>
-void normal_equations(const DotSums& sums, const State& weights, const State& pull, std::array<double, N * N>& n,
+void normal_equations(const DotSums& sums, const Prior& prior, const State& state, std::array<double, N * N>& n,
                       std::array<double, N>& b) {
   for (std::size_t column = 0; column < N; ++column) {
     for (std::size_t row = column; row < N; ++row) n[column * N + row] = sums.normal[row * kAllColumns + column];
     b[column] = sums.right[column];
   }
-  for (std::size_t k = 0; k < kDotColumns; ++k) {
-    n[k * N + k] += weights[static_cast<int>(k)];
-    b[k] += pull[static_cast<int>(k)];
-  }
+  prior.add<N>(state, n, b);
 }
 
 /// How an adjustment ended; the sums belong to the last state whose cost was looked at.
@@ -111,20 +148,19 @@ struct Outcome {
 Outcome adjust(const Problem& problem, double converged_px, int max_steps, State& state) {
   const double radius_px = problem.pixels.radius_px;
   const DotPixels pixels = problem.pixels.view();
-  const State weights = prior_weights(problem.start, radius_px);
+  const Prior prior(problem.start, radius_px);
   const auto sums_at = [&](const State& at, DotSums& sums) {
     sum_dot(model_of(at, problem.saturated_level), pixels, nullptr, sums);
-    sums.cost += prior_residual(at, problem.start).cwiseAbs2().dot(weights);
+    sums.cost += prior.cost(at);
   };
   Outcome outcome{{}, false};
   DotSums tried;
   sums_at(state, outcome.sums);
   double damping = 1e-4;
   for (int step_count = 0; step_count < max_steps; ++step_count) {
-    const State pull = weights.cwiseProduct(prior_residual(state, problem.start));
     std::array<double, kDotColumns * kDotColumns> n;
     std::array<double, kDotColumns> b;
-    normal_equations<kDotColumns>(outcome.sums, weights, pull, n, b);
+    normal_equations<kDotColumns>(outcome.sums, prior, state, n, b);
     bool lowered = false;
     for (int attempt = 0; attempt < kMaxAttempts && !lowered; ++attempt) {
       auto damped = n;
@@ -207,6 +243,28 @@ double median_between(const PixelSet& pixels, const State& s, double from_rho, d
   return static_cast<double>(greys[n / 2]);
 }
 
+/// The size, over the start's, at which the pixels pass the middle between both levels. Regions of small blurred dots are larger:
+/// they end where the dot stands out of its neighbourhood.
+double half_level_scale(const PixelSet& pixels, const State& s) {
+  constexpr double kOuter = 1.2;  // what lies beyond may be something else
+  const double middle = 0.5 * (s[kI] + s[kO]);
+  const bool bright = s[kI] > s[kO];
+  double least = kOuter * kOuter;
+  int all = 0;
+  int inside = 0;
+  for (std::size_t i = 0; i < pixels.used; ++i) {
+    const double x = static_cast<double>(pixels.x[i]) - s[kCx];
+    const double y = static_cast<double>(pixels.y[i]) - s[kCy];
+    const double rho2 = s[kAxx] * x * x + 2.0 * s[kAxy] * x * y + s[kAyy] * y * y;
+    if (rho2 > kOuter * kOuter) continue;
+    least = std::min(least, rho2);
+    ++all;
+    if ((static_cast<double>(pixels.grey[i]) > middle) == bright) ++inside;
+  }
+  if (all == 0) return 1.0;
+  return std::sqrt(std::max(least + (kOuter * kOuter - least) * inside / all, 0.2));
+}
+
 std::optional<Ellipse> ellipse_of(const State& s, const PixelSet& pixels) {
   Eigen::Matrix2d shape;
   shape << s[kAxx], s[kAxy], s[kAxy], s[kAyy];
@@ -215,10 +273,10 @@ std::optional<Ellipse> ellipse_of(const State& s, const PixelSet& pixels) {
 
 /// Power and largest amplitude of the harmonics 3..5 from the normal equations extended by them; false where they are singular.
 /// With N = L D L' and y = L^-1 b, the amplitudes are L_hh'^-1 D_h^-1 y_h, and their power y_h' D_h^-1 y_h.
-bool judge_edge(const DotSums& sums, const State& weights, const State& pull, double radius_px, DotFit& fit) {
+bool judge_edge(const DotSums& sums, const Prior& prior, const State& state, double radius_px, DotFit& fit) {
   std::array<double, kAllColumns * kAllColumns> n;
   std::array<double, kAllColumns> b;
-  normal_equations<kAllColumns>(sums, weights, pull, n, b);
+  normal_equations<kAllColumns>(sums, prior, state, n, b);
   const SmallCholesky<kAllColumns> root(n);
   if (!root.definite()) return false;
   const auto y = root.forward(b);
@@ -240,6 +298,7 @@ bool judge_edge(const DotSums& sums, const State& weights, const State& pull, do
 
 /// How far out the pixels belong to the gap although the ring shines into it through the blur.
 double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor_px) {
+  if (options.alone) return options.gap_outer;
   const double gap = options.gap_outer - 1.0;
   if (options.ring != nullptr)
     return options.gap_outer - std::max(0.25 * gap, std::min(0.5 * gap, 0.8 * blur_px / semi_minor_px));
@@ -291,11 +350,10 @@ struct Step {
   double px;  ///< by which it moves the edge
 };
 
-std::optional<Step> step_from(const State& state, const DotSums& sums, const State& weights, const State& pull,
-                              double radius_px) {
+std::optional<Step> step_from(const State& state, const DotSums& sums, const Prior& prior, double radius_px) {
   std::array<double, kDotColumns * kDotColumns> n;
   std::array<double, kDotColumns> b;
-  normal_equations<kDotColumns>(sums, weights, pull, n, b);
+  normal_equations<kDotColumns>(sums, prior, state, n, b);
   Step step{SmallCholesky<kDotColumns>(n), state, 0.0};
   if (!step.root.definite()) return std::nullopt;
   step.next += Eigen::Map<const State>(step.root.solve(b).data());
@@ -322,7 +380,7 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
                              Problem& problem) {
   PixelSet& pixels = problem.pixels;
   const double radius_px = pixels.radius_px;
-  const State weights = prior_weights(problem.start, radius_px);
+  const Prior prior(problem.start, radius_px);
   DotSums sums;
   double previous_px = kRoughlyConvergedPx;
   for (int round = 1; round <= kMaxRounds; ++round) {
@@ -339,8 +397,7 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
         weigh_equally(rough_noise(state), pixels);
       }
       sum_dot(model, pixels.view(), last ? unit_from_offset(*ellipse, radius_px).data() : nullptr, sums);
-      const State pull = weights.cwiseProduct(prior_residual(state, problem.start));
-      const auto step = step_from(state, sums, weights, pull, radius_px);
+      const auto step = step_from(state, sums, prior, radius_px);
       if (!step) return std::nullopt;
       if (step->px > kSmallStepPx) {
         adjust(problem, kRoughlyConvergedPx, kMaxSteps, state);
@@ -363,7 +420,7 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
         fit.cov_px2 << cx[0], cx[1], cx[1], cy[1];
         fit.cov_px2 *= radius_px * radius_px;
         fit.residual = std::sqrt(sums.squares / static_cast<double>(pixels.used));
-        if (!judge_edge(sums, weights, pull, radius_px, fit)) return std::nullopt;
+        if (!judge_edge(sums, prior, state, radius_px, fit)) return std::nullopt;
         return fit;
       }
       previous_px = step->px;
@@ -375,19 +432,26 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
 
 }  // namespace
 
-std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& ellipse, const DotFitOptions& options) {
+std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& candidate, const DotFitOptions& options) {
   const base::ImageView& image = sampler.image();
-  Problem problem = problem_of(ellipse, options);
+  Problem problem = problem_of(candidate, options);
   PixelSet& pixels = problem.pixels;
-  const double blur_px = std::min(1.0, 0.3 * ellipse.semi_minor_px);
-  const double reach = outer_rho(options, blur_px, ellipse.semi_minor_px);
-  collect_roughly(image, ellipse, reach, pixels);
-  if (pixels.used < 2 * kDotColumns) return std::nullopt;
-  problem.start = start_state(ellipse, blur_px, pixels);
-  problem.start[kO] = median_between(pixels, problem.start, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0);
-  problem.start[kI] = median_between(pixels, problem.start, 0.0, 0.8);
-  const double contrast = std::abs(problem.start[kI] - problem.start[kO]);
-  if (contrast < 0.5 * options.min_contrast) return std::nullopt;
+  Ellipse ellipse = candidate;
+  for (int look = 1;; ++look) {
+    const double blur_px = std::min(1.0, 0.3 * ellipse.semi_minor_px);
+    const double reach = outer_rho(options, blur_px, ellipse.semi_minor_px);
+    collect_roughly(image, ellipse, reach, pixels);
+    if (pixels.used < 2 * kDotColumns) return std::nullopt;
+    problem.start = start_state(ellipse, blur_px, pixels);
+    problem.start[kO] =
+        median_between(pixels, problem.start, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0);
+    problem.start[kI] = median_between(pixels, problem.start, 0.0, 0.8);
+    if (std::abs(problem.start[kI] - problem.start[kO]) < 0.5 * options.min_contrast) return std::nullopt;
+    const double scale = half_level_scale(pixels, problem.start);
+    if (look == kMaxLooks || std::abs(scale - 1.0) < kGoodScale) break;
+    ellipse.semi_major_px *= scale;
+    ellipse.semi_minor_px *= scale;
+  }
   State state = problem.start;
   weigh_equally(rough_noise(state), pixels);
   // Few steps tell what cannot be a dot.

@@ -54,7 +54,8 @@ HWY_INLINE Prediction Predict(const DotModel& m, V x, V y) {
   p.ny = hn::Mul(gy, inverse);
   p.distance = hn::Mul(hn::Mul(hn::Sub(p.rho, one), p.rho), inverse);
   const V along = hn::MulAdd(hn::Mul(axx, p.ny), p.ny, hn::Mul(hn::Mul(ayy, p.nx), p.nx));
-  const V curvature = hn::Mul(hn::NegMulAdd(hn::Mul(hn::Set(d, 2.0F * m.axy), p.nx), p.ny, along), inverse);
+  // Of the edge in the pixel's direction, not of the level curve through the pixel, which diverges in the centre.
+  const V curvature = hn::Mul(hn::NegMulAdd(hn::Mul(hn::Set(d, 2.0F * m.axy), p.nx), p.ny, along), hn::Mul(inverse, p.rho));
   p.set_back = hn::Mul(hn::Set(d, 0.5F * m.blur * m.blur), curvature);
   const V t = hn::Mul(hn::Add(p.distance, p.set_back), hn::Set(d, 1.0F / m.blur));
   V tail, density;

@@ -17,6 +17,7 @@ constexpr double kMaxOutliers = 0.35;     // share of the edge that may be hidde
 constexpr double kMaxBlur = 0.6;          // over the semi-minor axis
 constexpr double kMaxDeviation = 0.03;    // amplitude of the harmonics 3..5 over the semi-minor axis,
 constexpr double kMaxDeviationPx = 0.08;  // in addition
+constexpr double kSharp = 0.12;  // blur over the semi-minor axis, up to which nothing is gained from the gap's outer part
 // What a ring must be like.
 constexpr double kMaxBrightGap = 0.10;    // of the gap's circumference
 constexpr double kMaxBrightQuiet = 0.25;  // of the quiet zone's circumference
@@ -103,7 +104,13 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
   if (!fit || !is_dot(*fit, candidate, image.image(), options)) return std::nullopt;
   Marker marker;
   marker.dot = *fit;
-  if (stands_alone(image, fit->ellipse, fit->inner_level, fit->outer_level, family)) return marker;
+  if (stands_alone(image, fit->ellipse, fit->inner_level, fit->outer_level, family)) {
+    if (fit->blur_px < kSharp * fit->ellipse.semi_minor_px) return marker;
+    fit_options.alone = true;
+    const std::optional<DotFit> refined = refine_dot(image, *fit, fit_options);
+    if (refined && is_dot(*refined, candidate, image.image(), options)) marker.dot = *refined;
+    return marker;
+  }
   marker.ring = read_ring(image, family, *fit);
   if (marker.ring.bright_gap > kMaxBrightGap) return std::nullopt;
   judge_ring(family, options, marker);

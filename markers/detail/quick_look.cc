@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include <Eigen/Geometry>
@@ -99,18 +98,14 @@ bool stands_alone(const Sampler& image, const Ellipse& ellipse, double inner_lev
   const double step_rad = std::numbers::pi / family.bits;
   const Eigen::Rotation2Dd turn(step_rad);
   Eigen::Vector2d unit(1.0, 0.0);
-  double least = std::numeric_limits<double>::infinity();
-  double most = -least;
   for (int k = 0; k < 2 * family.bits; ++k, unit = turn * unit) {
     const Eigen::Vector2d edge = pixel_from_unit * unit;
     const auto at = [&](double rho) {
       return image.bilinear(ellipse.centre_px.x() + rho * edge.x(), ellipse.centre_px.y() + rho * edge.y());
     };
-    if ((at(gap_rho) - outer_level) / contrast > 0.5 - kEven) return false;
-    const double ring = at(ring_rho) / contrast;
-    least = std::min(least, ring);
-    most = std::max(most, ring);
-    if (most - least > kEven) return false;
+    if ((at(gap_rho) - outer_level) / contrast > 0.5 - kEven || std::abs(at(ring_rho) - outer_level) > kEven * std::abs(contrast)) {
+      return false;
+    }
   }
   return true;
 }

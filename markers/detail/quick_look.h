@@ -11,8 +11,8 @@ namespace crosstie::markers::detail {
 /// fit accepts.
 [[nodiscard]] bool looks_like_dot(const Sampler& image, const Candidate& candidate, double gap_outer, double min_contrast);
 
-/// Whether nothing around a dot can be a ring: gap and ring as even as a plain ground, in twice as many directions as a ring has
-/// segments. False where in doubt.
+/// Whether nothing around a dot can be a ring: everything out to the middle of a ring is like the ground beside the dot, in twice
+/// as many directions as a ring has segments. False where in doubt.
 [[nodiscard]] bool stands_alone(const Sampler& image, const Ellipse& ellipse, double inner_level, double outer_level,
                                 const MarkerFamily& family);
 
