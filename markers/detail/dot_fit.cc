@@ -19,9 +19,10 @@ namespace {
 enum Parameter : std::size_t { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy };
 using State = Eigen::Matrix<double, kDotColumns, 1>;
 
-constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
-constexpr double kLightSlopeSigma = 0.05;   // a priori: relative change of the light per dot radius,
-constexpr double kOtherSlopeSigma = 0.003;  // and change of a level by other causes, of the contrast
+constexpr double kSmallestBlurPx = 0.28;     // a pixel alone integrates over a box of this standard deviation
+constexpr double kLightSlopeSigma = 0.05;    // a priori: relative change of the light per dot radius,
+constexpr double kUnknownSlopeSigma = 0.02;  // the same where one of the levels is saturated
+constexpr double kOtherSlopeSigma = 0.003;   // and change of a level by other causes, of the contrast
 constexpr double kRoughlyConvergedPx = 0.1;
 constexpr double kConvergedPx = 1e-3;      // what remains after the last step, judged by how steps shrink,
 constexpr double kConvergedSigmas = 0.05;  // and the same in standard deviations of the centre: one of both is enough
@@ -30,8 +31,8 @@ constexpr int kMaxRoughSteps = 5;          // after the first three
 constexpr int kMaxSteps = 12;
 constexpr int kMaxAttempts = 4;
 constexpr int kMaxRounds = 5;
-constexpr int kMaxLooks = 3;        // for a start of about the right size,
-constexpr double kGoodScale = 0.15;  // which is this
+constexpr int kMaxLooks = 3;           // for a start of about the right size,
+constexpr double kGoodScale = 0.15;    // which is this
 constexpr double kSmallStepPx = 0.25;  // that need not be watched
 constexpr double kHopeless = 0.2;      // RMS of the residuals over the contrast: not a dot
 
@@ -63,11 +64,12 @@ DotModel model_of(const State& s, double saturated_level) {
 /// off by some percent per dot radius changes both levels in proportion, and anything else changes them by less.
 class Prior {
  public:
-  Prior(const State& start, double radius_px) : start_(start) {
+  Prior(const State& start, double radius_px, double saturated_level) : start_(start) {
     const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
     level_ = 1.0 / (contrast * contrast);
     blur_ = radius_px * radius_px;
-    const double other = std::pow(kOtherSlopeSigma * contrast, 2);
+    const bool known = std::max(start[kI], start[kO]) < saturated_level;  // else the levels' proportion is not
+    const double other = std::pow((known ? kOtherSlopeSigma : kUnknownSlopeSigma) * contrast, 2);
     const double light = kLightSlopeSigma * kLightSlopeSigma;
     Eigen::Matrix2d covariance;
     covariance << light * start[kO] * start[kO] + other, light * start[kO] * start[kI], light * start[kO] * start[kI],
@@ -118,7 +120,8 @@ bool plausible(const State& s, const State& start, double radius_px) {
   const double determinant = s[kAxx] * s[kAyy] - s[kAxy] * s[kAxy];  // 1 / relative area^2
   const double before = start[kAxx] * start[kAyy] - start[kAxy] * start[kAxy];
   return s.allFinite() && s[kBlur] >= 0.999 * kSmallestBlurPx / radius_px && s[kBlur] < 1.0 && s[kAxx] > 0.0 &&
-         determinant > 0.25 * before && determinant < 4.0 * before && std::hypot(s[kCx] - start[kCx], s[kCy] - start[kCy]) < 0.5;
+         determinant > 0.25 * before && determinant < 4.0 * before &&
+         std::hypot(s[kCx] - start[kCx], s[kCy] - start[kCy]) < 0.5;
 }
 
 double step_px(const State& step, double radius_px) {
@@ -148,7 +151,7 @@ struct Outcome {
 Outcome adjust(const Problem& problem, double converged_px, int max_steps, State& state) {
   const double radius_px = problem.pixels.radius_px;
   const DotPixels pixels = problem.pixels.view();
-  const Prior prior(problem.start, radius_px);
+  const Prior prior(problem.start, radius_px, problem.saturated_level);
   const auto sums_at = [&](const State& at, DotSums& sums) {
     sum_dot(model_of(at, problem.saturated_level), pixels, nullptr, sums);
     sums.cost += prior.cost(at);
@@ -380,7 +383,7 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
                              Problem& problem) {
   PixelSet& pixels = problem.pixels;
   const double radius_px = pixels.radius_px;
-  const Prior prior(problem.start, radius_px);
+  const Prior prior(problem.start, radius_px, problem.saturated_level);
   DotSums sums;
   double previous_px = kRoughlyConvergedPx;
   for (int round = 1; round <= kMaxRounds; ++round) {
@@ -443,8 +446,7 @@ std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& candidate, 
     collect_roughly(image, ellipse, reach, pixels);
     if (pixels.used < 2 * kDotColumns) return std::nullopt;
     problem.start = start_state(ellipse, blur_px, pixels);
-    problem.start[kO] =
-        median_between(pixels, problem.start, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0);
+    problem.start[kO] = median_between(pixels, problem.start, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0);
     problem.start[kI] = median_between(pixels, problem.start, 0.0, 0.8);
     if (std::abs(problem.start[kI] - problem.start[kO]) < 0.5 * options.min_contrast) return std::nullopt;
     const double scale = half_level_scale(pixels, problem.start);

@@ -17,7 +17,8 @@ constexpr double kMaxOutliers = 0.35;     // share of the edge that may be hidde
 constexpr double kMaxBlur = 0.6;          // over the semi-minor axis
 constexpr double kMaxDeviation = 0.03;    // amplitude of the harmonics 3..5 over the semi-minor axis,
 constexpr double kMaxDeviationPx = 0.08;  // in addition
-constexpr double kSharp = 0.12;  // blur over the semi-minor axis, up to which nothing is gained from the gap's outer part
+constexpr double kSharp = 0.12;    // blur over the semi-minor axis, up to which nothing is gained from the gap's outer part
+constexpr double kBlurred = 0.15;  // blur over the semi-minor axis, from which on the ring's light matters much
 // What a ring must be like.
 constexpr double kMaxBrightGap = 0.10;    // of the gap's circumference
 constexpr double kMaxBrightQuiet = 0.25;  // of the quiet zone's circumference
@@ -114,16 +115,18 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
   marker.ring = read_ring(image, family, *fit);
   if (marker.ring.bright_gap > kMaxBrightGap) return std::nullopt;
   judge_ring(family, options, marker);
-  if (marker.status != ObservationStatus::kUncoded && !marker.ring.profile.empty()) {
-    const RingLight ring{fit->ellipse, fit->blur_px, fit->inner_level - fit->outer_level, family.ring_inner,
-                         marker.ring.profile};
-    fit_options.ring = &ring;
-    const std::optional<DotFit> refined = refine_dot(image, *fit, fit_options);
-    if (refined && is_dot(*refined, candidate, image.image(), options)) {
+  if (marker.status != ObservationStatus::kUncoded && !marker.ring.cut) {
+    // Where the blur is large, the dot is known well enough to take the ring's light off only after that was done once.
+    const int passes = fit->blur_px < kBlurred * fit->ellipse.semi_minor_px ? 1 : 3;
+    for (int pass = 0; pass < passes; ++pass) {
+      const std::optional<RingLight> light = RingLight::of(image, marker.dot, family, fit_options.saturated_level);
+      fit_options.ring = light ? &*light : nullptr;
+      const std::optional<DotFit> refined = light ? refine_dot(image, marker.dot, fit_options) : std::nullopt;
+      if (!refined || !is_dot(*refined, candidate, image.image(), options)) break;
       marker.dot = *refined;
-      marker.id = base::kNoId;
-      judge_ring(family, options, marker);  // the sizes that it asks for are known better now
     }
+    marker.id = base::kNoId;
+    judge_ring(family, options, marker);  // the sizes that it asks for are known better now
   }
   return marker;
 }

@@ -103,7 +103,8 @@ bool stands_alone(const Sampler& image, const Ellipse& ellipse, double inner_lev
     const auto at = [&](double rho) {
       return image.bilinear(ellipse.centre_px.x() + rho * edge.x(), ellipse.centre_px.y() + rho * edge.y());
     };
-    if ((at(gap_rho) - outer_level) / contrast > 0.5 - kEven || std::abs(at(ring_rho) - outer_level) > kEven * std::abs(contrast)) {
+    if ((at(gap_rho) - outer_level) / contrast > 0.5 - kEven ||
+        std::abs(at(ring_rho) - outer_level) > kEven * std::abs(contrast)) {
       return false;
     }
   }
