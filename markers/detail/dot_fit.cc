@@ -30,7 +30,8 @@ constexpr int kRoughPixels = 160;          // that are enough for the first step
 constexpr int kMaxRoughSteps = 5;          // after the first three
 constexpr int kMaxSteps = 12;
 constexpr int kMaxAttempts = 4;
-constexpr int kMaxRounds = 5;
+constexpr int kMaxRounds = 6;
+constexpr int kCollectingRounds = 2;
 constexpr int kMaxLooks = 3;           // for a start of about the right size,
 constexpr double kGoodScale = 0.15;    // which is this
 constexpr double kSmallStepPx = 0.25;  // that need not be watched
@@ -389,7 +390,8 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
   for (int round = 1; round <= kMaxRounds; ++round) {
     const auto ellipse = ellipse_of(state, pixels);
     if (!ellipse || ellipse->semi_minor_px < options.min_radius_px || !inside_of(image, *ellipse)) return std::nullopt;
-    collect(image, *ellipse, options, state[kBlur] * radius_px, pixels);
+    // Later rounds keep the pixels, since ever new ones might never give the same state twice.
+    if (round <= kCollectingRounds) collect(image, *ellipse, options, state[kBlur] * radius_px, pixels);
     if (pixels.used < 2 * kDotColumns) return std::nullopt;
     for (bool last = round > 1 || !rough;; last = true) {
       const DotModel model = model_of(state, options.saturated_level);
@@ -402,7 +404,7 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
       sum_dot(model, pixels.view(), last ? unit_from_offset(*ellipse, radius_px).data() : nullptr, sums);
       const auto step = step_from(state, sums, prior, radius_px);
       if (!step) return std::nullopt;
-      if (step->px > kSmallStepPx) {
+      if (step->px > kSmallStepPx && round < kMaxRounds) {
         adjust(problem, kRoughlyConvergedPx, kMaxSteps, state);
         break;
       }
