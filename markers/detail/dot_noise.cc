@@ -60,7 +60,10 @@ DotNoise noise_of(const PixelSet& pixels, double saturated_level) {
     (pixels.inside[i] < 0.5F ? outer : inner).add(bin);
     if (std::abs(pixels.slope[i]) > 0.4F * steepest) edge.add(bin);
   }
-  const double per_bin = kMadToSigma * static_cast<double>(width);
+  // Residuals of an adjustment are smaller than the noise by what its parameters took up.
+  const double redundancy =
+      1.0 - static_cast<double>(kDotColumns) / static_cast<double>(std::max<std::size_t>(pixels.used, 24));
+  const double per_bin = kMadToSigma * static_cast<double>(width) / std::sqrt(redundancy);
   DotNoise noise;
   noise.steepest = std::max(static_cast<double>(steepest), 1e-6);
   if (outer.enough()) noise.outer = std::max(kQuantisation, per_bin * outer.median());

@@ -87,9 +87,9 @@ TEST(Accuracy, ReachesTheCramerRaoBoundWithTrueSigmas) {
   constexpr double kNoise = 3.0;
   std::mt19937_64 random(20);
   for (const Cell& cell :
-       {Cell{5.0, 0.0, 0.5, false},  Cell{5.0, 0.0, 0.8, true},   Cell{5.0, 0.0, 1.2, false},  Cell{5.0, 30.0, 0.8, false},
-        Cell{5.0, 60.0, 0.5, true},  Cell{5.0, 60.0, 0.8, false}, Cell{5.0, 60.0, 0.8, true},  Cell{5.0, 60.0, 1.2, false},
-        Cell{8.0, 0.0, 0.8, false},  Cell{8.0, 30.0, 0.5, true},  Cell{8.0, 30.0, 1.2, false}, Cell{8.0, 60.0, 1.2, true},
+       {Cell{5.0, 0.0, 0.5, false}, Cell{5.0, 0.0, 0.8, true}, Cell{5.0, 0.0, 1.2, false}, Cell{5.0, 30.0, 0.8, false},
+        Cell{5.0, 60.0, 0.5, true}, Cell{5.0, 60.0, 0.8, false}, Cell{5.0, 60.0, 0.8, true}, Cell{5.0, 60.0, 1.2, false},
+        Cell{8.0, 0.0, 0.8, false}, Cell{8.0, 30.0, 0.5, true}, Cell{8.0, 30.0, 1.2, false}, Cell{8.0, 60.0, 1.2, true},
         Cell{15.0, 0.0, 1.2, false}, Cell{15.0, 60.0, 0.5, true}, Cell{40.0, 0.0, 0.5, false}, Cell{40.0, 60.0, 1.2, true}}) {
     const MarkerScene scene = scene_of(cell, random);
     const std::string name = std::to_string(cell.radius_px) + " px, " + std::to_string(cell.tilt_deg) + " deg, blur " +
@@ -194,9 +194,8 @@ TEST(Accuracy, IsTheImageOfTheCircleOnceItsEccentricityIsTakenOff) {
         const Eigen::Matrix3d h = scene.pixel_from_target();
         const Eigen::Vector2d truth = h.col(2).hnormalized();
         const Eigen::Vector2d eccentricity = ellipse_centre(h) - truth;
-        const auto found =
-            detect(tests::photograph(photographed(scene, size_px), size_px, size_px, {}, 16, 65535.0).view(),
-                   *marker_family("aicon14"));
+        const auto found = detect(tests::photograph(photographed(scene, size_px), size_px, size_px, {}, 16, 65535.0).view(),
+                                  *marker_family("aicon14"));
         ASSERT_TRUE(found && found->observations.size() == 1U) << radius_px << " " << tilt_deg;
         sum += found->observations[0].centre_px - eccentricity - truth;
         eccentricity_px = std::max(eccentricity_px, eccentricity.norm());
