@@ -97,7 +97,7 @@ void add_candidates(const std::vector<std::uint64_t>& words, const GreyPlane& gr
     ellipse->centre_px = (scale * (ellipse->centre_px.array() + 0.5) - 0.5).matrix();
     ellipse->semi_major_px *= scale;
     ellipse->semi_minor_px *= scale;
-    candidates.push_back({*ellipse, bright});
+    candidates.push_back({*ellipse, bright, scale});
   }
 }
 

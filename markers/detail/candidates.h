@@ -13,6 +13,7 @@ namespace crosstie::markers::detail {
 struct Candidate {
   Ellipse ellipse;
   bool bright = true;
+  double scale = 1.0;  ///< size of the pixels of that level [px]
 };
 
 /// Regions that are brighter (darker) than the mean of their neighbourhood and filled like an ellipse: their area is that of the

@@ -68,7 +68,8 @@ class Prior {
   Prior(const State& start, double radius_px, double saturated_level) : start_(start) {
     const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
     level_ = 1.0 / (contrast * contrast);
-    blur_ = radius_px * radius_px;
+    const double blur_px = std::max(1.0, start[kBlur] * radius_px);
+    blur_ = std::pow(radius_px / blur_px, 2);
     const bool known = std::max(start[kI], start[kO]) < saturated_level;  // else the levels' proportion is not
     const double other = std::pow((known ? kOtherSlopeSigma : kUnknownSlopeSigma) * contrast, 2);
     const double light = kLightSlopeSigma * kLightSlopeSigma;
@@ -443,7 +444,7 @@ std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& candidate, 
   PixelSet& pixels = problem.pixels;
   Ellipse ellipse = candidate;
   for (int look = 1;; ++look) {
-    const double blur_px = std::min(1.0, 0.3 * ellipse.semi_minor_px);
+    const double blur_px = std::min(options.start_error_px, 0.3 * ellipse.semi_minor_px);
     const double reach = outer_rho(options, blur_px, ellipse.semi_minor_px);
     collect_roughly(image, ellipse, reach, pixels);
     if (pixels.used < 2 * kDotColumns) return std::nullopt;
@@ -459,11 +460,12 @@ std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& candidate, 
   State state = problem.start;
   weigh_equally(rough_noise(state), pixels);
   // Few steps tell what cannot be a dot.
-  for (const int steps : {3, kMaxRoughSteps}) {
+  const int patience = options.start_error_px > 1.0 ? 3 * kMaxRoughSteps : kMaxRoughSteps;
+  for (const int steps : {3, patience}) {
     const Outcome outcome = adjust(problem, kRoughlyConvergedPx, steps, state);
     if (hopeless(outcome, problem, state, options)) return std::nullopt;
     if (outcome.converged) break;
-    if (steps == kMaxRoughSteps) return std::nullopt;
+    if (steps == patience) return std::nullopt;
   }
   return finish(image, options, true, state, problem);
 }

@@ -16,6 +16,7 @@ struct DotFitOptions {
   double saturated_level = 253.0;   ///< [grey levels] from here on a pixel is a lower bound
   double min_contrast = 3.0;        ///< [grey levels] with less than this it is given up early
   double min_radius_px = 1.5;       ///< [px] the same for the semi-minor axis
+  double start_error_px = 1.0;      ///< by which the start's edge may be off
   bool alone = false;               ///< nothing stands around: the gap is used out to its end
   const RingLight* ring = nullptr;  ///< taken off the grey levels where it is known; the gap is then used nearly to the ring
 };

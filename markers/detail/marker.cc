@@ -100,7 +100,8 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
   DotFitOptions fit_options{.gap_outer = family.ring_inner,
                             .saturated_level = options.saturated_level * white_level,
                             .min_contrast = options.min_contrast * white_level,
-                            .min_radius_px = options.min_radius_px};
+                            .min_radius_px = options.min_radius_px,
+                            .start_error_px = candidate.scale};
   const std::optional<DotFit> fit = fit_dot(image, candidate.ellipse, fit_options);
   if (!fit || !is_dot(*fit, candidate, image.image(), options)) return std::nullopt;
   Marker marker;

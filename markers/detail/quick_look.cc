@@ -18,7 +18,7 @@ constexpr int kDarkGap = 13;
 constexpr double kMinStep = 0.15;         // mean step over the edge
 constexpr double kMaxStepScatter = 0.4;   // its standard deviation round the edge
 constexpr double kMaxInnerScatter = 0.3;  // of the levels inside
-constexpr double kBesideEdgePx = 1.5;     // where the step is taken
+constexpr double kBesideEdge = 1.5;       // where the step is taken [px of the level that the candidate was found in]
 
 using Levels = std::array<double, kDirections>;
 
@@ -53,14 +53,15 @@ double scatter_of(const Levels& values) {
 
 bool looks_like_dot(const Sampler& image, const Candidate& candidate, double gap_outer, double min_contrast) {
   const Ellipse& ellipse = candidate.ellipse;
+  const double beside_px = kBesideEdge * candidate.scale;
   const Eigen::Matrix2d pixel_from_unit = ellipse.pixel_from_unit();
-  const double outer_rho = std::max(0.5 * (1.0 + gap_outer), 1.0 + kBesideEdgePx / ellipse.semi_minor_px);
+  const double outer_rho = std::max(0.5 * (1.0 + gap_outer), 1.0 + beside_px / ellipse.semi_minor_px);
   const Eigen::Vector2d reach = outer_rho * ellipse.half_extent_px();
   if (!image.inside(ellipse.centre_px.x() - reach.x(), ellipse.centre_px.y() - reach.y()) ||
       !image.inside(ellipse.centre_px.x() + reach.x(), ellipse.centre_px.y() + reach.y())) {
     return false;
   }
-  const double inner_rho = std::clamp(1.0 - kBesideEdgePx / ellipse.semi_minor_px, 0.3, 0.7);
+  const double inner_rho = std::clamp(1.0 - beside_px / ellipse.semi_minor_px, 0.3, 0.7);
   Levels inner, gap, step;
   for (std::size_t k = 0; k < kDirections; ++k) {
     const Eigen::Vector2d edge = pixel_from_unit * directions()[k];
@@ -69,7 +70,7 @@ bool looks_like_dot(const Sampler& image, const Candidate& candidate, double gap
     };
     inner[k] = at(inner_rho);
     gap[k] = at(0.5 * (1.0 + gap_outer));
-    const double beside = std::min(kBesideEdgePx / edge.norm(), 0.6);
+    const double beside = std::min(beside_px / edge.norm(), 0.6);
     step[k] = at(1.0 - beside) - at(1.0 + beside);
   }
   const double outside = median_of(gap);

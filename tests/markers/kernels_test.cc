@@ -231,7 +231,8 @@ TEST_F(Kernels, SumTheDotAsAScalarLoopDoes) {
         EXPECT_NEAR(sums.right[b], right[b], kRelative * norm_b * std::sqrt(cost)) << b;
         for (std::size_t a = 0; a <= b; ++a) {
           const double norm_a = std::sqrt(normal[a * kAllColumns + a]);
-          EXPECT_NEAR(sums.normal[b * kAllColumns + a], normal[b * kAllColumns + a], kRelative * norm_a * norm_b) << a << " " << b;
+          EXPECT_NEAR(sums.normal[b * kAllColumns + a], normal[b * kAllColumns + a], kRelative * norm_a * norm_b)
+              << a << " " << b;
         }
       }
     }
