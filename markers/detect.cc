@@ -11,6 +11,7 @@
 #include "markers/detail/candidates.h"
 #include "markers/detail/exposure.h"
 #include "markers/detail/marker.h"
+#include "markers/detail/quick_look.h"
 #include "markers/tags.h"
 
 namespace crosstie::markers {
@@ -43,6 +44,18 @@ Result<std::vector<base::Observation>> observed_tags(const ImageView& image, con
         {.id = tag.id, .centre_px = tag.centre_px, .cov_px2 = tag.cov_px2, .margin = tag.margin, .status = tag.status});
   }
   return observations;
+}
+
+/// Whether the candidate is a dot that was measured already, or a segment of a ring that was read.
+bool explained(const detail::Candidate& candidate, const std::vector<detail::Marker>& markers, const MarkerFamily& family) {
+  return std::any_of(markers.begin(), markers.end(), [&](const detail::Marker& marker) {
+    const detail::Ellipse& dot = marker.dot.ellipse;
+    const Eigen::Vector2d e = candidate.ellipse.centre_px - dot.centre_px;
+    if (e.cwiseAbs().maxCoeff() > family.ring_outer * dot.semi_major_px) return false;
+    const bool read = marker.status == base::ObservationStatus::kCoded || marker.status == base::ObservationStatus::kRefused;
+    const double reach = read ? family.ring_outer : 0.5;
+    return e.dot(dot.shape() * e) < reach * reach;
+  });
 }
 
 bool before(const base::Observation& a, const base::Observation& b) {
@@ -109,6 +122,10 @@ Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& fam
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (progress.cancelled()) return base::cancelled("detection of markers");
     progress("detect", i, candidates.size());
+    if (explained(candidates[i], markers, family) ||
+        !detail::looks_like_dot(sampler, candidates[i], family.ring_inner, options.min_contrast * image.white_level)) {
+      continue;
+    }
     if (auto marker = detail::measure_marker(sampler, candidates[i], family, options)) markers.push_back(*marker);
   }
   progress("detect", candidates.size(), candidates.size());

@@ -66,9 +66,10 @@ struct DetectOptions {
 /// observation. A ring that is blurred, partly hidden or in glare becomes kAmbiguous or kUnreadable with its centre.
 ///
 /// Pixels: (0, 0) is the centre of the first pixel. Valid domain: see DetectOptions; a ring is read where its segments are at
-/// least 2.5 px wide and it lies inside of the image, else it is kUnreadable; dots cut by the border are left out. The centre
-/// is free of bias (below 0.005 px) for blurs up to a quarter of the semi-minor axis; beyond, the ring's light in the gap may
-/// move it by some hundredths of a pixel.
+/// least 2.5 px wide and it lies inside of the image, else it is kUnreadable; dots cut by the border are left out. Dots of
+/// up to a quarter of the image's shorter side are found, at any tilt that leaves them the smallest semi-minor axis. The centre is
+/// free of bias (below 0.005 px) for blurs up to half of the semi-minor axis of plain dots, and a quarter of coded ones; beyond,
+/// the ring's light in the gap may move it by up to 0.02 px. Its error is within 1.2 times the Cramer-Rao bound (formulation.md).
 ///
 /// Errors: kUsage for invalid options, kBadInput for an image smaller than 8 x 8 or without data, kCancelled.
 /// Deterministic: the same image gives the same observations, `millis` aside.

@@ -4,34 +4,48 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <optional>
 
-#include <opencv2/imgproc.hpp>
+#include <Eigen/LU>
+
+#include "markers/detail/blobs.h"
+#include "markers/detail/level_kernels.h"
 
 namespace crosstie::markers::detail {
 namespace {
 
-/// Side of the window of the local mean: more than three radii of the smallest dots, so that dot and gap are seen together.
-constexpr int kWindowPx = 31;
+/// In reduced images: smallest semi-minor axis [px of the level], what is smaller was found in the level below.
+constexpr double kMinReducedRadiusPx = 3.5;
+/// Largest semi-minor axis that is looked for where a coarser level follows; such dots fill the window of the mean.
+constexpr double kMaxLevelRadiusPx = 18.0;
+constexpr int kSmallestSidePx = 32;
 
-/// The image in 8 bits; shares the samples where they are 8-bit already.
-cv::Mat eight_bit(const base::ImageView& image) {
-  const int type = image.bits == 8 ? CV_8UC1 : CV_16UC1;
-  const cv::Mat all(image.height, image.width, type, const_cast<std::byte*>(image.data),
-                    static_cast<std::size_t>(image.row_stride_bytes));
-  if (image.bits == 8) return all;
-  cv::Mat grey;
-  all.convertTo(grey, CV_8U, 255.0 / image.white_level);
-  return grey;
+/// The samples in 8 bits: they themselves where they are.
+GreyPlane eight_bit(const base::ImageView& image, std::vector<std::uint8_t>& samples) {
+  if (image.bits == 8) {
+    return {reinterpret_cast<const std::uint8_t*>(image.data), image.width, image.height, image.row_stride_bytes};
+  }
+  samples.resize(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+  const float scale = 255.0F / static_cast<float>(image.white_level);
+  std::uint8_t* to = samples.data();
+  for (int y = 0; y < image.height; ++y) {
+    const std::uint16_t* row = image.row<std::uint16_t>(y);
+    for (int x = 0; x < image.width; ++x) {
+      *to++ = static_cast<std::uint8_t>(std::min(scale * static_cast<float>(row[x]) + 0.5F, 255.0F));
+    }
+  }
+  return {samples.data(), image.width, image.height, image.width};
 }
 
 /// Standard deviation of the noise in grey levels: from the median of second differences along sampled rows.
-double noise_level(const cv::Mat& grey) {
+double noise_level(const GreyPlane& grey) {
+  constexpr int kSampledRows = 128;
   std::array<std::int64_t, 1024> counts{};
   std::int64_t n = 0;
-  for (int y = 4; y < grey.rows; y += 8) {
-    const std::uint8_t* row = grey.ptr<std::uint8_t>(y);
-    for (int x = 1; x + 1 < grey.cols; x += 2) {
+  for (int y = 0; y < grey.height; y += 1 + grey.height / kSampledRows) {
+    const std::uint8_t* row = grey.row(y);
+    for (int x = 1; x + 1 < grey.width; x += 3) {
       ++counts[static_cast<std::size_t>(std::abs(row[x - 1] - 2 * row[x] + row[x + 1]))];
       ++n;
     }
@@ -42,75 +56,83 @@ double noise_level(const cv::Mat& grey) {
   return 1.4826 * static_cast<double>(median) / std::sqrt(6.0);
 }
 
-/// 255 where the image exceeds (sign +1) or undercuts (sign -1) its local mean by more than `delta`.
-cv::Mat mask_of(const cv::Mat& grey, const cv::Mat& mean, int delta, bool bright) {
-  cv::Mat mask(grey.size(), CV_8UC1);
-  for (int y = 0; y < grey.rows; ++y) {
-    const std::uint8_t* g = grey.ptr<std::uint8_t>(y);
-    const std::uint8_t* m = mean.ptr<std::uint8_t>(y);
-    std::uint8_t* out = mask.ptr<std::uint8_t>(y);
-    if (bright) {
-      for (int x = 0; x < grey.cols; ++x) out[x] = g[x] > m[x] + delta ? 255 : 0;
-    } else {
-      for (int x = 0; x < grey.cols; ++x) out[x] = g[x] + delta < m[x] ? 255 : 0;
-    }
-  }
-  return mask;
-}
-
-/// Largest distance of the outline from the ellipse that is let pass, and its quadratic mean.
-double max_distance_px(double semi_minor_px) { return 1.0 + 0.15 * semi_minor_px; }
-double rms_distance_px(double semi_minor_px) { return 0.5 + 0.06 * semi_minor_px; }
-
-std::optional<Ellipse> ellipse_of(const std::vector<cv::Point>& outline, const DetectOptions& options, double max_radius_px) {
-  if (outline.size() < 6) return std::nullopt;
-  const cv::Moments m = cv::moments(outline);
-  if (m.m00 < 4.0) return std::nullopt;
+/// The ellipse with the region's moments; nothing where the region is not filled like one.
+std::optional<Ellipse> ellipse_of(const Blob& blob) {
+  const auto n = static_cast<double>(blob.count);
+  const double mean_x = static_cast<double>(blob.x) / n;
+  const double mean_y = static_cast<double>(blob.y) / n;
+  constexpr double kPixel = 1.0 / 12.0;  // second moment of a pixel itself
   Eigen::Matrix2d moments;
-  moments << m.mu20, m.mu11, m.mu11, m.mu02;
-  std::optional<Ellipse> ellipse = Ellipse::from_moments({m.m10 / m.m00, m.m01 / m.m00}, moments / m.m00);
+  moments(0, 0) = static_cast<double>(blob.xx) / n - mean_x * mean_x + kPixel;
+  moments(1, 1) = static_cast<double>(blob.yy) / n - mean_y * mean_y + kPixel;
+  moments(0, 1) = moments(1, 0) = static_cast<double>(blob.xy) / n - mean_x * mean_y;
+  // An ellipse has the smallest moments that its area allows.
+  const double area = 4.0 * std::numbers::pi * std::sqrt(std::max(moments.determinant(), 0.0));
+  constexpr double kFilled = 0.88;
+  if (n < kFilled * area - 2.0) return std::nullopt;
+  const auto ellipse = Ellipse::from_moments({mean_x, mean_y}, moments);
   if (!ellipse) return std::nullopt;
-  ellipse->semi_major_px += 0.5;  // the outline runs through the centres of the region's outermost pixels
-  ellipse->semi_minor_px += 0.5;
-  const double a = ellipse->semi_major_px;
-  const double b = ellipse->semi_minor_px;
-  if (b < options.min_radius_px - 0.5 || a > max_radius_px || b < 0.9 * options.min_axis_ratio * a) return std::nullopt;
-  const Eigen::Matrix2d shape = ellipse->shape();
-  const double max_px = max_distance_px(b);
-  double sum = 0.0;
-  for (const cv::Point& point : outline) {
-    const Eigen::Vector2d e = Eigen::Vector2d(point.x, point.y) - ellipse->centre_px;
-    const Eigen::Vector2d gradient = shape * e;
-    const double rho = std::sqrt(e.dot(gradient));
-    const double distance = (rho - 1.0) * rho / std::max(gradient.norm(), 1e-12) + 0.5;
-    if (std::abs(distance) > max_px) return std::nullopt;
-    sum += distance * distance;
-  }
-  if (std::sqrt(sum / static_cast<double>(outline.size())) > rms_distance_px(b)) return std::nullopt;
+  const Eigen::Vector2d excess =
+      0.5 * Eigen::Vector2d(blob.right - blob.left + 1, blob.bottom - blob.top + 1) - ellipse->half_extent_px();
+  if (excess.cwiseAbs().maxCoeff() > 1.2 + 0.15 * ellipse->semi_minor_px) return std::nullopt;
   return ellipse;
 }
 
-void add_candidates(const cv::Mat& mask, bool bright, const DetectOptions& options, std::vector<Candidate>& candidates) {
-  const double max_radius_px = options.max_radius_px > 0.0 ? options.max_radius_px : 0.25 * std::min(mask.rows, mask.cols);
-  std::vector<std::vector<cv::Point>> outlines;
-  std::vector<cv::Vec4i> hierarchy;
-  cv::findContours(mask, outlines, hierarchy, cv::RETR_CCOMP, cv::CHAIN_APPROX_SIMPLE);
-  for (std::size_t i = 0; i < outlines.size(); ++i) {
-    if (hierarchy[i][3] >= 0) continue;  // the outline of a hole
-    if (const auto ellipse = ellipse_of(outlines[i], options, max_radius_px)) candidates.push_back({*ellipse, bright});
+struct Limits {
+  double min_minor_px, max_minor_px, max_major_px, min_axis_ratio;
+};
+
+void add_candidates(const std::vector<std::uint64_t>& words, const GreyPlane& grey, bool bright, int level,
+                    const Limits& limits, std::vector<Candidate>& candidates) {
+  const double min_area = std::numbers::pi * limits.min_minor_px * limits.min_minor_px;
+  const double scale = std::exp2(level);
+  for (const Blob& blob : find_blobs(words.data(), grey.width, grey.height, static_cast<std::int64_t>(min_area))) {
+    if (blob.left == 0 || blob.top == 0 || blob.right + 1 == grey.width || blob.bottom + 1 == grey.height) continue;
+    auto ellipse = ellipse_of(blob);
+    if (!ellipse || ellipse->semi_minor_px < limits.min_minor_px || ellipse->semi_minor_px > limits.max_minor_px ||
+        ellipse->semi_major_px > limits.max_major_px ||
+        ellipse->semi_minor_px < limits.min_axis_ratio * ellipse->semi_major_px) {
+      continue;
+    }
+    ellipse->centre_px = (scale * (ellipse->centre_px.array() + 0.5) - 0.5).matrix();
+    ellipse->semi_major_px *= scale;
+    ellipse->semi_minor_px *= scale;
+    candidates.push_back({*ellipse, bright, scale});
   }
 }
 
 }  // namespace
 
 std::vector<Candidate> find_candidates(const base::ImageView& image, const DetectOptions& options) {
-  const cv::Mat grey = eight_bit(image);
-  cv::Mat mean;
-  cv::blur(grey, mean, cv::Size(kWindowPx, kWindowPx));
-  const int delta = static_cast<int>(std::lround(std::clamp(3.0 * noise_level(grey), 2.0, 12.0)));
+  std::vector<std::uint8_t> samples, reduced;
+  GreyPlane grey = eight_bit(image, samples);
+  const double noise = noise_level(grey);
+  const double max_radius_px = options.max_radius_px > 0.0 ? options.max_radius_px : 0.25 * std::min(image.width, image.height);
   std::vector<Candidate> candidates;
-  if (options.polarity != Polarity::kDarkDots) add_candidates(mask_of(grey, mean, delta, true), true, options, candidates);
-  if (options.polarity != Polarity::kBrightDots) add_candidates(mask_of(grey, mean, delta, false), false, options, candidates);
+  std::vector<std::uint64_t> brighter, darker;
+  for (int level = 0;; ++level) {
+    const double scale = std::exp2(level);
+    const bool last = std::min(grey.width, grey.height) < 2 * kSmallestSidePx || max_radius_px < 8.0 * scale;
+    const Limits limits{level == 0 ? options.min_radius_px - 0.25 : kMinReducedRadiusPx, last ? 1e9 : kMaxLevelRadiusPx,
+                        max_radius_px / scale + 1.0, 0.85 * options.min_axis_ratio};
+    const int delta = static_cast<int>(std::lround(std::clamp(3.0 * noise / scale, 2.0, 12.0)));
+    const std::size_t words = words_per_row(grey.width) * static_cast<std::size_t>(grey.height);
+    brighter.resize(words);
+    darker.resize(words);
+    compare_with_local_mean(grey, delta, brighter.data(), darker.data());
+    if (options.polarity != Polarity::kDarkDots) add_candidates(brighter, grey, true, level, limits, candidates);
+    if (options.polarity != Polarity::kBrightDots) add_candidates(darker, grey, false, level, limits, candidates);
+    if (last) break;
+    const int width = grey.width / 2;
+    const int height = grey.height / 2;
+    reduced.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+    halve(grey, reduced.data());
+    samples.swap(reduced);
+    grey = {samples.data(), width, height, width};
+  }
+  std::stable_sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return a.ellipse.semi_major_px * a.ellipse.semi_minor_px > b.ellipse.semi_major_px * b.ellipse.semi_minor_px;
+  });
   return candidates;
 }
 

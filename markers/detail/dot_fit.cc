@@ -4,285 +4,306 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "markers/detail/dot_model.h"
+#include "markers/detail/dot_kernel.h"
+#include "markers/detail/dot_noise.h"
+#include "markers/detail/dot_pixels.h"
+#include "markers/detail/small_cholesky.h"
 
 namespace crosstie::markers::detail {
 namespace {
 
-using State = DotState;
-using Model = DotModel;
-constexpr int kParameters = kDotParameters;
-constexpr int kExtended = kParameters + kHarmonicDof;
+/// The parameters, lengths in units of the start ellipse's mean radius, in the order of the kernel's columns.
+enum Parameter : std::size_t { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy };
+using State = Eigen::Matrix<double, kDotColumns, 1>;
 
-using Normal = Eigen::Matrix<double, kParameters, kParameters>;
-using ExtendedNormal = Eigen::Matrix<double, kExtended, kExtended>;
-using ExtendedVector = Eigen::Matrix<double, kExtended, 1>;
+constexpr double kSmallestBlurPx = 0.28;     // a pixel alone integrates over a box of this standard deviation
+constexpr double kLightSlopeSigma = 0.05;    // a priori: relative change of the light per dot radius,
+constexpr double kUnknownSlopeSigma = 0.02;  // the same where one of the levels is saturated
+constexpr double kOtherSlopeSigma = 0.003;   // and change of a level by other causes, of the contrast
+constexpr double kRoughlyConvergedPx = 0.1;
+constexpr double kConvergedPx = 1e-3;      // what remains after the last step, judged by how steps shrink,
+constexpr double kConvergedSigmas = 0.05;  // and the same in standard deviations of the centre: one of both is enough
+constexpr int kRoughPixels = 160;          // that are enough for the first steps
+constexpr int kMaxRoughSteps = 5;          // after the first three
+constexpr int kMaxSteps = 12;
+constexpr int kMaxAttempts = 4;
+constexpr int kMaxRounds = 6;
+constexpr int kCollectingRounds = 2;
+constexpr int kMaxLooks = 3;           // for a start of about the right size,
+constexpr double kGoodScale = 0.15;    // which is this
+constexpr double kSmallStepPx = 0.25;  // that need not be watched
+constexpr double kHopeless = 0.2;      // RMS of the residuals over the contrast: not a dot
 
-constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
-constexpr double kSlopeSigma = 0.02;      // a priori: change of a level per dot radius, of the contrast
-constexpr double kOutlier = 4.0;          // standard deviations from which on a pixel loses weight
-constexpr double kQuantisation = 0.3;     // grey levels: no pixel is better than the rounding of its level
-constexpr double kRoughlyConvergedPx = 1e-2;
-constexpr double kConvergedPx = 1e-4;
-constexpr int kMaxIterations = 20;
-constexpr double kHopeless = 0.3;  // RMS of the residuals over the contrast: not a dot
-
-/// Standard deviations in grey levels at the dark and the bright end of the edge, and how far pixels on the edge may be off
-/// before they count as outliers: a lens does not blur exactly like a Gaussian, which shows where the slope is steep.
-struct NoiseModel {
-  double outer = 1.0;
-  double inner = 1.0;
-  double edge = 0.0;
-  double steepest = 1.0;
-
-  [[nodiscard]] double variance(double inside) const { return outer * outer + (inner * inner - outer * outer) * inside; }
-  [[nodiscard]] double tolerated(double inside, double slope) const {
-    return variance(inside) + std::pow(edge * slope / steepest, 2);
-  }
+/// What does not change during a fit.
+struct Problem {
+  PixelSet pixels;
+  double saturated_level;
+  State start;
 };
 
-double residual_of(const DotPixel& pixel, const Prediction& p, double saturated_level) {
-  return std::min(pixel.grey, saturated_level) - p.grey;
+DotModel model_of(const State& s, double saturated_level) {
+  const auto f = [&](int k) { return static_cast<float>(s[k]); };
+  return {f(kCx),
+          f(kCy),
+          f(kAxx),
+          f(kAxy),
+          f(kAyy),
+          f(kBlur),
+          f(kO),
+          f(kOx),
+          f(kOy),
+          f(kI),
+          f(kIx),
+          f(kIy),
+          static_cast<float>(saturated_level)};
 }
 
-double robust_weight(double residual, double tolerated) {
-  const double t2 = residual * residual / (kOutlier * kOutlier * tolerated);
-  return t2 <= 1.0 ? 1.0 : 1.0 / t2;
-}
-
-/// Cost of a residual whose weight is robust_weight / variance.
-double robust_cost(double residual, double variance, double tolerated) {
-  const double limit2 = kOutlier * kOutlier * tolerated;
-  const double r2 = residual * residual;
-  return r2 <= limit2 ? r2 / variance : limit2 / variance * (1.0 + std::log(r2 / limit2));
-}
-
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-/// n += w j j^T, upper triangle.
-template <int N>
-void add_outer_product(const Eigen::Matrix<double, N, 1>& j, double w, Eigen::Matrix<double, N, N>& n) {
-  double* column = n.data();
-  for (int b = 0; b < N; ++b, column += N) {
-    const double wj = w * j[b];
-    for (int a = 0; a <= b; ++a) column[a] += wj * j[a];
+/// What is known beforehand, weakly: undetermined levels of saturated dots, and the blur, stay near their start; light that falls
+/// off by some percent per dot radius changes both levels in proportion, and anything else changes them by less.
+class Prior {
+ public:
+  Prior(const State& start, double radius_px, double saturated_level) : start_(start) {
+    const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
+    level_ = 1.0 / (contrast * contrast);
+    const double blur_px = std::max(1.0, start[kBlur] * radius_px);
+    blur_ = std::pow(radius_px / blur_px, 2);
+    const bool known = std::max(start[kI], start[kO]) < saturated_level;  // else the levels' proportion is not
+    const double other = std::pow((known ? kOtherSlopeSigma : kUnknownSlopeSigma) * contrast, 2);
+    const double light = kLightSlopeSigma * kLightSlopeSigma;
+    Eigen::Matrix2d covariance;
+    covariance << light * start[kO] * start[kO] + other, light * start[kO] * start[kI], light * start[kO] * start[kI],
+        light * start[kI] * start[kI] + other;
+    slopes_ = covariance.inverse();
   }
-}
 
-/// Median of |residual| as a standard deviation, inside and outside of the edge apart: brighter pixels are noisier.
-NoiseModel noise_of(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level) {
-  std::vector<double> outer, inner, edge;
-  NoiseModel noise;
-  for (const DotPixel& pixel : pixels) noise.steepest = std::max(noise.steepest, std::abs(model.at(pixel).slope));
-  for (const DotPixel& pixel : pixels) {
-    const Prediction p = model.at(pixel);
-    if (p.cut_off) continue;
-    const double residual = std::abs(residual_of(pixel, p, saturated_level));
-    (p.inside < 0.5 ? outer : inner).push_back(residual);
-    if (std::abs(p.slope) > 0.4 * noise.steepest) edge.push_back(residual);
+  /// Adds its normal equations at `state` to the lower triangle of n, stride N, and to b.
+  template <std::size_t N>
+  void add(const State& state, std::array<double, N * N>& n, std::array<double, N>& b) const {
+    n[kI * N + kI] += level_;
+    b[kI] += level_ * (start_[kI] - state[kI]);
+    n[kBlur * N + kBlur] += blur_;
+    b[kBlur] += blur_ * (start_[kBlur] - state[kBlur]);
+    for (const std::size_t axis : {1U, 2U}) {
+      const std::size_t o = kO + axis;
+      const std::size_t i = kI + axis;
+      const Eigen::Vector2d pull = -slopes_ * slopes_of(state, axis);
+      n[o * N + o] += slopes_(0, 0);
+      n[o * N + i] += slopes_(1, 0);
+      n[i * N + i] += slopes_(1, 1);
+      b[o] += pull[0];
+      b[i] += pull[1];
+    }
   }
-  constexpr double kMadToSigma = 1.4826;
-  constexpr std::size_t kEnough = 8;
-  if (outer.size() >= kEnough) noise.outer = std::max(kQuantisation, kMadToSigma * median_of(outer));
-  noise.inner = inner.size() >= kEnough ? std::max(kQuantisation, kMadToSigma * median_of(inner)) : noise.outer;
-  if (edge.size() >= kEnough) noise.edge = kMadToSigma * median_of(edge);
-  return noise;
-}
 
-/// The levels of the slopes stay near zero and undetermined levels of saturated dots near their start, weakly.
-void add_priors(const State& state, const State& start, Normal& n, State& b) {
-  const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
-  const double slope = 1.0 / std::pow(kSlopeSigma * contrast, 2);
-  for (const int k : {kOx, kOy, kIx, kIy}) {
-    n(k, k) += slope;
-    b[k] -= slope * state[k];
+  [[nodiscard]] double cost(const State& state) const {
+    double sum = level_ * std::pow(state[kI] - start_[kI], 2) + blur_ * std::pow(state[kBlur] - start_[kBlur], 2);
+    for (const std::size_t axis : {1U, 2U}) {
+      const Eigen::Vector2d slopes = slopes_of(state, axis);
+      sum += slopes.dot(slopes_ * slopes);
+    }
+    return sum;
   }
-  const double level = 1.0 / (contrast * contrast);
-  n(kI, kI) += level;
-  b[kI] += level * (start[kI] - state[kI]);
-  n(kBlur, kBlur) += 1.0;
-  b[kBlur] += start[kBlur] - state[kBlur];
-}
 
-double prior_cost(const State& state, const State& start) {
-  const double contrast = std::max(std::abs(start[kI] - start[kO]), 1.0);
-  double cost = std::pow(state[kBlur] - start[kBlur], 2) + std::pow((state[kI] - start[kI]) / contrast, 2);
-  for (const int k : {kOx, kOy, kIx, kIy}) cost += std::pow(state[k] / (kSlopeSigma * contrast), 2);
-  return cost;
-}
-
-/// Evaluates the model at all pixels and returns the cost.
-double evaluate(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level,
-                const std::vector<double>& variances, const std::vector<double>& tolerated,
-                std::vector<Prediction>& predictions) {
-  double cost = 0.0;
-  for (std::size_t i = 0; i < pixels.size(); ++i) {
-    predictions[i] = model.at(pixels[i]);
-    cost += robust_cost(residual_of(pixels[i], predictions[i], saturated_level), variances[i], tolerated[i]);
+ private:
+  static Eigen::Vector2d slopes_of(const State& s, std::size_t axis) {
+    return {s[static_cast<int>(kO + axis)], s[static_cast<int>(kI + axis)]};
   }
-  return cost;
-}
+
+  const State& start_;
+  double level_, blur_;
+  Eigen::Matrix2d slopes_;  ///< inverse covariance of the outer and the inner level's slope
+};
 
 /// Whether this is still the candidate: blur below its radius, area within a factor of two, centre within half a radius.
-bool plausible(const State& s, double radius_px) {
-  const double determinant = (s[kAxx] * s[kAyy] - s[kAxy] * s[kAxy]) * std::pow(radius_px, 4);  // 1 / relative area^2
-  return s.allFinite() && s[kBlur] >= kSmallestBlurPx && s[kBlur] < radius_px && s[kAxx] > 0.0 && determinant > 0.25 &&
-         determinant < 4.0 && std::hypot(s[kCx], s[kCy]) < 0.5 * radius_px;
+bool plausible(const State& s, const State& start, double radius_px) {
+  const double determinant = s[kAxx] * s[kAyy] - s[kAxy] * s[kAxy];  // 1 / relative area^2
+  const double before = start[kAxx] * start[kAyy] - start[kAxy] * start[kAxy];
+  return s.allFinite() && s[kBlur] >= 0.999 * kSmallestBlurPx / radius_px && s[kBlur] < 1.0 && s[kAxx] > 0.0 &&
+         determinant > 0.25 * before && determinant < 4.0 * before &&
+         std::hypot(s[kCx] - start[kCx], s[kCy] - start[kCy]) < 0.5;
 }
 
-/// What one adjustment works on.
-struct Problem {
-  const std::vector<DotPixel>& pixels;
-  NoiseModel noise;
-  double radius_px;
-  double saturated_level;
-  const State& start;
+double step_px(const State& step, double radius_px) {
+  return radius_px *
+         (std::hypot(step[kCx], step[kCy]) + std::abs(step[kBlur]) + 0.5 * (std::abs(step[kAxx]) + std::abs(step[kAyy])));
+}
+
+/// The columns' sums with the prior's: lower triangle and right side.
+template <std::size_t N>
+void normal_equations(const DotSums& sums, const Prior& prior, const State& state, std::array<double, N * N>& n,
+                      std::array<double, N>& b) {
+  for (std::size_t column = 0; column < N; ++column) {
+    for (std::size_t row = column; row < N; ++row) n[column * N + row] = sums.normal[row * kAllColumns + column];
+    b[column] = sums.right[column];
+  }
+  prior.add<N>(state, n, b);
+}
+
+/// How an adjustment ended; the sums belong to the last state whose cost was looked at.
+struct Outcome {
+  DotSums sums;
+  bool converged;
 };
 
-/// Levenberg-Marquardt on fixed pixels and fixed variances, until a step moves the edge by less than `converged_px`.
-void adjust(const Problem& problem, double converged_px, int max_iterations, State& state) {
-  const std::vector<DotPixel>& pixels = problem.pixels;
-  std::vector<double> variances(pixels.size());
-  std::vector<double> tolerated(pixels.size());
-  std::vector<Prediction> predictions(pixels.size());
-  std::vector<Prediction> tried(pixels.size());
-  {
-    const Model model(state, problem.radius_px, problem.saturated_level);
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const Prediction p = model.at(pixels[i]);
-      variances[i] = problem.noise.variance(p.inside);
-      tolerated[i] = problem.noise.tolerated(p.inside, p.slope);
-    }
-  }
-  const auto cost_of = [&](const State& at, std::vector<Prediction>& out) {
-    const Model model(at, problem.radius_px, problem.saturated_level);
-    return prior_cost(at, problem.start) + evaluate(pixels, model, problem.saturated_level, variances, tolerated, out);
+/// Levenberg-Marquardt on fixed pixels and fixed weights, until a step moves the edge by less than `converged_px`: that one is
+/// taken without a look at its cost.
+Outcome adjust(const Problem& problem, double converged_px, int max_steps, State& state) {
+  const double radius_px = problem.pixels.radius_px;
+  const DotPixels pixels = problem.pixels.view();
+  const Prior prior(problem.start, radius_px, problem.saturated_level);
+  const auto sums_at = [&](const State& at, DotSums& sums) {
+    sum_dot(model_of(at, problem.saturated_level), pixels, nullptr, sums);
+    sums.cost += prior.cost(at);
   };
-  const double radius3 = std::pow(problem.radius_px, 3);
-  double cost = cost_of(state, predictions);
+  Outcome outcome{{}, false};
+  DotSums tried;
+  sums_at(state, outcome.sums);
   double damping = 1e-4;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const Model model(state, problem.radius_px, problem.saturated_level);
-    Normal n = Normal::Zero();
-    State b = State::Zero();
-    State j;
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const Prediction& p = predictions[i];
-      if (p.cut_off) continue;
-      const double r = residual_of(pixels[i], p, problem.saturated_level);
-      const double w = robust_weight(r, tolerated[i]) / variances[i];
-      model.derivatives(p, j);
-      add_outer_product(j, w, n);
-      b += (w * r) * j;
-    }
-    n.triangularView<Eigen::StrictlyLower>() = n.transpose();
-    add_priors(state, problem.start, n, b);
+  for (int step_count = 0; step_count < max_steps; ++step_count) {
+    std::array<double, kDotColumns * kDotColumns> n;
+    std::array<double, kDotColumns> b;
+    normal_equations<kDotColumns>(outcome.sums, prior, state, n, b);
     bool lowered = false;
-    double step_px = 0.0;
-    for (int attempt = 0; attempt < 8 && !lowered; ++attempt) {
-      Normal damped = n;
-      damped.diagonal() *= 1.0 + damping;
-      const State step = damped.ldlt().solve(b);
-      State next = state + step;
-      next[kBlur] = std::max(next[kBlur], kSmallestBlurPx);
-      if (plausible(next, problem.radius_px)) {
-        const double next_cost = cost_of(next, tried);
-        if (next_cost <= cost) {
-          step_px = std::hypot(step[kCx], step[kCy]) + std::abs(next[kBlur] - state[kBlur]) +
-                    0.5 * radius3 * (std::abs(step[kAxx]) + std::abs(step[kAyy]));
-          state = next;
-          cost = next_cost;
-          predictions.swap(tried);
-          lowered = true;
-          damping = std::max(damping * 0.1, 1e-9);
+    for (int attempt = 0; attempt < kMaxAttempts && !lowered; ++attempt) {
+      auto damped = n;
+      for (std::size_t k = 0; k < kDotColumns; ++k) damped[k * kDotColumns + k] *= 1.0 + damping;
+      const SmallCholesky<kDotColumns> root(damped);
+      if (root.definite()) {
+        const auto step = root.solve(b);
+        State next = state + Eigen::Map<const State>(step.data());
+        next[kBlur] = std::max(next[kBlur], kSmallestBlurPx / radius_px);
+        if (plausible(next, problem.start, radius_px)) {
+          if (step_px(next - state, radius_px) < converged_px) {
+            state = next;
+            outcome.converged = true;
+            return outcome;
+          }
+          sums_at(next, tried);
+          if (tried.cost <= outcome.sums.cost) {
+            state = next;
+            std::swap(outcome.sums, tried);
+            lowered = true;
+            damping = std::max(damping * 0.1, 1e-9);
+          }
         }
       }
       if (!lowered) damping = std::max(damping * 10.0, 1e-4);
     }
-    if (!lowered || step_px < converged_px) return;  // no step lowers the cost: as good as it gets
+    if (!lowered) {  // no step lowers the cost: as good as it gets
+      outcome.converged = true;
+      return outcome;
+    }
   }
+  return outcome;
 }
 
-double rms_residual(const std::vector<DotPixel>& pixels, const Model& model, double saturated_level) {
-  double squares = 0.0;
-  for (const DotPixel& pixel : pixels) squares += std::pow(residual_of(pixel, model.at(pixel), saturated_level), 2);
-  return std::sqrt(squares / static_cast<double>(pixels.size()));
+/// Whether what is left of the residuals, or the size or blur so far, leave no hope that this is a dot.
+bool hopeless(const Outcome& outcome, const Problem& problem, const State& state, const DotFitOptions& options) {
+  const double contrast = std::abs(state[kI] - state[kO]);
+  const double rms = std::sqrt(outcome.sums.squares / static_cast<double>(problem.pixels.used));
+  const double determinant = state[kAxx] * state[kAyy] - state[kAxy] * state[kAxy];
+  const double trace = state[kAxx] + state[kAyy];
+  const double largest = 0.5 * trace + std::sqrt(std::max(0.25 * trace * trace - determinant, 0.0));
+  const double semi_minor_px = problem.pixels.radius_px / std::sqrt(largest);
+  return contrast < options.min_contrast || rms > kHopeless * contrast || semi_minor_px < 0.9 * options.min_radius_px ||
+         state[kBlur] * problem.pixels.radius_px > 0.8 * semi_minor_px;
 }
 
-double level_of(const std::vector<DotPixel>& pixels, const Eigen::Matrix2d& shape, double from_rho, double to_rho) {
-  std::vector<double> greys;
-  for (const DotPixel& pixel : pixels) {
-    const Eigen::Vector2d e(pixel.x, pixel.y);
-    const double rho2 = e.dot(shape * e);
-    if (rho2 >= from_rho * from_rho && rho2 <= to_rho * to_rho) greys.push_back(pixel.grey);
+/// A problem without pixels, in units of the ellipse's mean radius from a whole pixel near its centre on.
+Problem problem_of(const Ellipse& ellipse, const DotFitOptions& options) {
+  Problem problem{{}, options.saturated_level, State::Zero()};
+  problem.pixels.origin_px = ellipse.centre_px.array().round().matrix();
+  problem.pixels.radius_px = std::sqrt(ellipse.semi_major_px * ellipse.semi_minor_px);
+  return problem;
+}
+
+/// Ellipse and blur in those units; levels are left at zero.
+State start_state(const Ellipse& ellipse, double blur_px, const PixelSet& pixels) {
+  const Eigen::Matrix2d shape = ellipse.shape() * pixels.radius_px * pixels.radius_px;
+  State start = State::Zero();
+  start.head<2>() = (ellipse.centre_px - pixels.origin_px) / pixels.radius_px;
+  start[kAxx] = shape(0, 0);
+  start[kAxy] = shape(0, 1);
+  start[kAyy] = shape(1, 1);
+  start[kBlur] = blur_px / pixels.radius_px;
+  return start;
+}
+
+/// Median grey level between two rho, of a sample of the pixels.
+double median_between(const PixelSet& pixels, const State& s, double from_rho, double to_rho) {
+  constexpr std::size_t kSample = 256;
+  std::array<float, 2 * kSample> greys;
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < pixels.used; i += 1 + pixels.used / kSample) {
+    const double x = static_cast<double>(pixels.x[i]) - s[kCx];
+    const double y = static_cast<double>(pixels.y[i]) - s[kCy];
+    const double rho2 = s[kAxx] * x * x + 2.0 * s[kAxy] * x * y + s[kAyy] * y * y;
+    if (rho2 >= from_rho * from_rho && rho2 <= to_rho * to_rho) greys[n++] = pixels.grey[i];
   }
-  return greys.empty() ? 0.0 : median_of(greys);
+  if (n == 0) return 0.0;
+  std::nth_element(greys.begin(), greys.begin() + n / 2, greys.begin() + n);
+  return static_cast<double>(greys[n / 2]);
 }
 
-Eigen::Matrix2d shape_of(const State& s) {
+/// The size, over the start's, at which the pixels pass the middle between both levels. Regions of small blurred dots are larger:
+/// they end where the dot stands out of its neighbourhood.
+double half_level_scale(const PixelSet& pixels, const State& s) {
+  constexpr double kOuter = 1.2;  // what lies beyond may be something else
+  const double middle = 0.5 * (s[kI] + s[kO]);
+  const bool bright = s[kI] > s[kO];
+  double least = kOuter * kOuter;
+  int all = 0;
+  int inside = 0;
+  for (std::size_t i = 0; i < pixels.used; ++i) {
+    const double x = static_cast<double>(pixels.x[i]) - s[kCx];
+    const double y = static_cast<double>(pixels.y[i]) - s[kCy];
+    const double rho2 = s[kAxx] * x * x + 2.0 * s[kAxy] * x * y + s[kAyy] * y * y;
+    if (rho2 > kOuter * kOuter) continue;
+    least = std::min(least, rho2);
+    ++all;
+    if ((static_cast<double>(pixels.grey[i]) > middle) == bright) ++inside;
+  }
+  if (all == 0) return 1.0;
+  return std::sqrt(std::max(least + (kOuter * kOuter - least) * inside / all, 0.2));
+}
+
+std::optional<Ellipse> ellipse_of(const State& s, const PixelSet& pixels) {
   Eigen::Matrix2d shape;
   shape << s[kAxx], s[kAxy], s[kAxy], s[kAyy];
-  return shape;
+  return Ellipse::from_shape(pixels.origin_px + pixels.radius_px * s.head<2>(), shape / std::pow(pixels.radius_px, 2));
 }
 
-/// Covariance of the centre and the power of the harmonics 3..5, from the normal equations extended by them.
-void judge_edge(const Problem& problem, const State& state, DotFit& fit) {
-  const Model model(state, problem.radius_px, problem.saturated_level);
-  const Eigen::Matrix2d unit_from_pixel = fit.ellipse.pixel_from_unit().inverse();
-  ExtendedNormal n = ExtendedNormal::Zero();
-  ExtendedVector b = ExtendedVector::Zero();
-  ExtendedVector j;
-  double squares = 0.0;
-  double edge_weight = 0.0;
-  double edge_lost = 0.0;
-  for (const DotPixel& pixel : problem.pixels) {
-    const Prediction p = model.at(pixel);
-    const double r = residual_of(pixel, p, problem.saturated_level);
-    squares += r * r;
-    if (p.cut_off) continue;
-    const double variance = problem.noise.variance(p.inside);
-    const double w = robust_weight(r, problem.noise.tolerated(p.inside, p.slope));
-    edge_weight += p.slope * p.slope;
-    edge_lost += p.slope * p.slope * (1.0 - w);
-    model.derivatives(p, j);
-    const Eigen::Vector2d u = unit_from_pixel * Eigen::Vector2d(p.ex, p.ey);
-    const double phi = std::atan2(u.y(), u.x());
-    for (int h = 0; h < kHarmonicDof / 2; ++h) {
-      j[kParameters + 2 * h] = -p.slope * std::cos((h + 3) * phi);
-      j[kParameters + 2 * h + 1] = -p.slope * std::sin((h + 3) * phi);
-    }
-    add_outer_product(j, w / variance, n);
-    b += (w / variance * r) * j;
+/// Power and largest amplitude of the harmonics 3..5 from the normal equations extended by them; false where they are singular.
+/// With N = L D L' and y = L^-1 b, the amplitudes are L_hh'^-1 D_h^-1 y_h, and their power y_h' D_h^-1 y_h.
+bool judge_edge(const DotSums& sums, const Prior& prior, const State& state, double radius_px, DotFit& fit) {
+  std::array<double, kAllColumns * kAllColumns> n;
+  std::array<double, kAllColumns> b;
+  normal_equations<kAllColumns>(sums, prior, state, n, b);
+  const SmallCholesky<kAllColumns> root(n);
+  if (!root.definite()) return false;
+  const auto y = root.forward(b);
+  std::array<double, kEdgeHarmonics> amplitudes;
+  double power = 0.0;
+  for (std::size_t k = kEdgeHarmonics; k-- > 0;) {
+    const std::size_t row = kDotColumns + k;
+    amplitudes[k] = y[row] / root.pivot(row);
+    power += y[row] * amplitudes[k];
+    for (std::size_t i = k + 1; i < kEdgeHarmonics; ++i) amplitudes[k] -= root.factor(kDotColumns + i, row) * amplitudes[i];
   }
-  n.triangularView<Eigen::StrictlyLower>() = n.transpose();
-  Normal inner = n.topLeftCorner<kParameters, kParameters>();
-  State inner_b = b.head<kParameters>();
-  add_priors(state, problem.start, inner, inner_b);
-  n.topLeftCorner<kParameters, kParameters>() = inner;
-  b.head<kParameters>() = inner_b;
-  fit.cov_px2 = inner.ldlt().solve(Normal::Identity()).topLeftCorner<2, 2>();
-  const ExtendedNormal q = n.ldlt().solve(ExtendedNormal::Identity());
-  const Eigen::Matrix<double, kHarmonicDof, 1> amplitudes = (q * b).tail<kHarmonicDof>();
-  const Eigen::Matrix<double, kHarmonicDof, kHarmonicDof> q_harmonics = q.bottomRightCorner<kHarmonicDof, kHarmonicDof>();
-  fit.harmonic_power = amplitudes.dot(q_harmonics.ldlt().solve(amplitudes)) / kHarmonicDof;
-  for (int h = 0; h < kHarmonicDof / 2; ++h) {
-    fit.deviation_px = std::max(fit.deviation_px, std::hypot(amplitudes[2 * h], amplitudes[2 * h + 1]));
+  fit.harmonic_power = power / kEdgeHarmonics;
+  for (std::size_t h = 0; h < kEdgeHarmonics; h += 2) {
+    fit.deviation_px = std::max(fit.deviation_px, radius_px * std::hypot(amplitudes[h], amplitudes[h + 1]));
   }
-  fit.residual = std::sqrt(squares / static_cast<double>(problem.pixels.size()));
-  fit.outlier_fraction = edge_weight > 0.0 ? edge_lost / edge_weight : 1.0;
+  fit.outlier_fraction = sums.edge > 0.0 ? sums.edge_lost / sums.edge : 1.0;
+  return true;
 }
 
 /// How far out the pixels belong to the gap although the ring shines into it through the blur.
 double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor_px) {
+  if (options.alone) return options.gap_outer;
   const double gap = options.gap_outer - 1.0;
   if (options.ring != nullptr)
     return options.gap_outer - std::max(0.25 * gap, std::min(0.5 * gap, 0.8 * blur_px / semi_minor_px));
@@ -290,90 +311,174 @@ double outer_rho(const DotFitOptions& options, double blur_px, double semi_minor
   return std::max(options.gap_outer - kept_off, 1.0 + std::min(0.6 * gap, blur_px / semi_minor_px));
 }
 
-/// Deeper inside than this, the pixels of large dots say nothing of the edge.
+/// Farther from the edge than this, inside or outside, the pixels of large dots say nothing of it.
 double depth_px(double blur_px) { return std::max(6.0, 5.0 * blur_px); }
 
-void take_off_ring_light(const RingLight* ring, const Eigen::Vector2d& origin_px, std::vector<DotPixel>& pixels) {
-  if (ring == nullptr) return;
-  for (DotPixel& pixel : pixels) pixel.grey -= ring->at(origin_px + Eigen::Vector2d(pixel.x, pixel.y));
+void collect(const base::ImageView& image, const Ellipse& ellipse, const DotFitOptions& options, double blur_px,
+             PixelSet& pixels) {
+  const double depth = depth_px(blur_px) / ellipse.semi_minor_px;
+  pixels.collect(image, ellipse, 1.0 - depth, std::min(outer_rho(options, blur_px, ellipse.semi_minor_px), 1.0 + 2.0 * depth));
+  if (options.ring != nullptr) options.ring->take_off(pixels);
+}
+
+/// Some pixels of a band around the edge that holds where the start is off by a quarter of the semi-minor axis.
+void collect_roughly(const base::ImageView& image, const Ellipse& ellipse, double outer, PixelSet& pixels) {
+  const double band = std::max(4.0 / ellipse.semi_minor_px, 0.4);
+  const double inner = std::max(1.0 - band, 0.0);
+  outer = std::min(outer, 1.0 + band);
+  const double count =
+      std::numbers::pi * (outer * outer - inner * inner) * ellipse.semi_major_px * ellipse.semi_minor_px / kRoughPixels;
+  const int x_step = std::max(1, static_cast<int>(std::lround(std::sqrt(count))));
+  const int y_step = std::max(1, static_cast<int>(std::lround(count / x_step)));
+  pixels.collect(image, ellipse, inner, outer, x_step, y_step);
+}
+
+bool inside_of(const base::ImageView& image, const Ellipse& ellipse) {
+  const Eigen::Vector2d half = ellipse.half_extent_px();
+  return ellipse.centre_px.x() - half.x() >= 0.5 && ellipse.centre_px.y() - half.y() >= 0.5 &&
+         ellipse.centre_px.x() + half.x() <= image.width - 1.5 && ellipse.centre_px.y() + half.y() <= image.height - 1.5;
+}
+
+/// The numbers that take an offset from the centre, in the fit's units, to the unit circle.
+std::array<float, 4> unit_from_offset(const Ellipse& ellipse, double radius_px) {
+  const Eigen::Matrix2d m = radius_px * ellipse.pixel_from_unit().inverse();
+  return {static_cast<float>(m(0, 0)), static_cast<float>(m(0, 1)), static_cast<float>(m(1, 0)), static_cast<float>(m(1, 1))};
+}
+
+/// Grey levels that residuals may have before the noise is known.
+double rough_noise(const State& s) { return std::max(0.03 * std::abs(s[kI] - s[kO]), 1.0); }
+
+/// The undamped step from the state that the sums were taken at.
+struct Step {
+  SmallCholesky<kDotColumns> root;
+  State next;
+  double px;  ///< by which it moves the edge
+};
+
+std::optional<Step> step_from(const State& state, const DotSums& sums, const Prior& prior, double radius_px) {
+  std::array<double, kDotColumns * kDotColumns> n;
+  std::array<double, kDotColumns> b;
+  normal_equations<kDotColumns>(sums, prior, state, n, b);
+  Step step{SmallCholesky<kDotColumns>(n), state, 0.0};
+  if (!step.root.definite()) return std::nullopt;
+  step.next += Eigen::Map<const State>(step.root.solve(b).data());
+  step.next[kBlur] = std::max(step.next[kBlur], kSmallestBlurPx / radius_px);
+  step.px = step_px(step.next - state, radius_px);
+  return step;
+}
+
+DotFit fit_of(const State& s, const Ellipse& ellipse, double radius_px) {
+  DotFit fit;
+  fit.ellipse = ellipse;
+  fit.blur_px = s[kBlur] * radius_px;
+  fit.inner_slope = s.segment<2>(kIx) / radius_px;
+  fit.outer_slope = s.segment<2>(kOx) / radius_px;
+  fit.inner_level = s[kI] + s.segment<2>(kIx).dot(s.head<2>());
+  fit.outer_level = s[kO] + s.segment<2>(kOx).dot(s.head<2>());
+  return fit;
+}
+
+/// Takes the pixels and weights that the state tells, and adjusts until these give no other state. The last step comes with the
+/// covariance and the harmonics of the edge from the same sums.
+/// From a rough state, the first step has equal weights, since its residuals are not noise yet.
+std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& options, bool rough, State state,
+                             Problem& problem) {
+  PixelSet& pixels = problem.pixels;
+  const double radius_px = pixels.radius_px;
+  const Prior prior(problem.start, radius_px, problem.saturated_level);
+  DotSums sums;
+  double previous_px = kRoughlyConvergedPx;
+  for (int round = 1; round <= kMaxRounds; ++round) {
+    const auto ellipse = ellipse_of(state, pixels);
+    if (!ellipse || ellipse->semi_minor_px < options.min_radius_px || !inside_of(image, *ellipse)) return std::nullopt;
+    // Later rounds keep the pixels, since ever new ones might never give the same state twice.
+    if (round <= kCollectingRounds) collect(image, *ellipse, options, state[kBlur] * radius_px, pixels);
+    if (pixels.used < 2 * kDotColumns) return std::nullopt;
+    for (bool last = round > 1 || !rough;; last = true) {
+      const DotModel model = model_of(state, options.saturated_level);
+      if (last) {
+        pixels.evaluate(model);
+        weigh(noise_of(pixels, options.saturated_level), pixels);
+      } else {
+        weigh_equally(rough_noise(state), pixels);
+      }
+      sum_dot(model, pixels.view(), last ? unit_from_offset(*ellipse, radius_px).data() : nullptr, sums);
+      const auto step = step_from(state, sums, prior, radius_px);
+      if (!step) return std::nullopt;
+      if (step->px > kSmallStepPx && round < kMaxRounds) {
+        adjust(problem, kRoughlyConvergedPx, kMaxSteps, state);
+        break;
+      }
+      if (!plausible(step->next, problem.start, radius_px)) return std::nullopt;
+      if (last) {
+        const auto cx = step->root.solve({1.0});
+        const auto cy = step->root.solve({0.0, 1.0});
+        const double remaining_px = step->px * std::min(step->px / std::max(previous_px, 1e-12), 1.0);
+        const double sigma_px = radius_px * std::sqrt(0.5 * (cx[0] + cy[1]));
+        if (remaining_px > std::max(kConvergedPx, kConvergedSigmas * sigma_px) && round < kMaxRounds) {
+          previous_px = step->px;
+          state = step->next;
+          break;
+        }
+        const auto found = ellipse_of(step->next, pixels);
+        if (!found) return std::nullopt;
+        DotFit fit = fit_of(step->next, *found, radius_px);
+        fit.cov_px2 << cx[0], cx[1], cx[1], cy[1];
+        fit.cov_px2 *= radius_px * radius_px;
+        fit.residual = std::sqrt(sums.squares / static_cast<double>(pixels.used));
+        if (!judge_edge(sums, prior, state, radius_px, fit)) return std::nullopt;
+        return fit;
+      }
+      previous_px = step->px;
+      state = step->next;
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace
 
-double RingLight::at(const Eigen::Vector2d& pixel) const {
-  const Eigen::Vector2d e = pixel - ellipse.centre_px;
-  const double c = std::cos(ellipse.angle_rad);
-  const double s = std::sin(ellipse.angle_rad);
-  const Eigen::Vector2d u((c * e.x() + s * e.y()) / ellipse.semi_major_px, (c * e.y() - s * e.x()) / ellipse.semi_minor_px);
-  const double rho = u.norm();
-  if (rho < 0.5) return 0.0;
-  const double gradient = std::hypot(u.x() / ellipse.semi_major_px, u.y() / ellipse.semi_minor_px) / rho;
-  const double spread = edge_profile((rho - inner_rho) / (gradient * blur_px)).distribution;
-  if (spread <= 0.0) return 0.0;
-  const auto n = static_cast<double>(profile.size());
-  double position = std::atan2(u.y(), u.x()) / (2.0 * std::numbers::pi) * n;
-  if (position < 0.0) position += n;
-  const auto k = static_cast<std::size_t>(position);
-  const double fraction = position - static_cast<double>(k);
-  const double f = (1.0 - fraction) * profile[k % profile.size()] + fraction * profile[(k + 1) % profile.size()];
-  return contrast * f * spread;
+std::optional<DotFit> fit_dot(const Sampler& sampler, const Ellipse& candidate, const DotFitOptions& options) {
+  const base::ImageView& image = sampler.image();
+  Problem problem = problem_of(candidate, options);
+  PixelSet& pixels = problem.pixels;
+  Ellipse ellipse = candidate;
+  for (int look = 1;; ++look) {
+    const double blur_px = std::min(options.start_error_px, 0.3 * ellipse.semi_minor_px);
+    const double reach = outer_rho(options, blur_px, ellipse.semi_minor_px);
+    collect_roughly(image, ellipse, reach, pixels);
+    if (pixels.used < 2 * kDotColumns) return std::nullopt;
+    problem.start = start_state(ellipse, blur_px, pixels);
+    problem.start[kO] = median_between(pixels, problem.start, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0);
+    problem.start[kI] = median_between(pixels, problem.start, 0.0, 0.8);
+    if (std::abs(problem.start[kI] - problem.start[kO]) < 0.5 * options.min_contrast) return std::nullopt;
+    const double scale = half_level_scale(pixels, problem.start);
+    if (look == kMaxLooks || std::abs(scale - 1.0) < kGoodScale) break;
+    ellipse.semi_major_px *= scale;
+    ellipse.semi_minor_px *= scale;
+  }
+  State state = problem.start;
+  weigh_equally(rough_noise(state), pixels);
+  // Few steps tell what cannot be a dot.
+  const int patience = options.start_error_px > 1.0 ? 3 * kMaxRoughSteps : kMaxRoughSteps;
+  for (const int steps : {3, patience}) {
+    const Outcome outcome = adjust(problem, kRoughlyConvergedPx, steps, state);
+    if (hopeless(outcome, problem, state, options)) return std::nullopt;
+    if (outcome.converged) break;
+    if (steps == patience) return std::nullopt;
+  }
+  return finish(image, options, true, state, problem);
 }
 
-std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start_ellipse, const DotFitOptions& options) {
-  const Eigen::Vector2d origin_px = start_ellipse.centre_px;
-  const double radius_px = std::sqrt(start_ellipse.semi_major_px * start_ellipse.semi_minor_px);
-  double blur_px = std::min(1.0, 0.3 * start_ellipse.semi_minor_px);
-  Ellipse ellipse = start_ellipse;
-  const double reach = outer_rho(options, blur_px, ellipse.semi_minor_px);
-  std::vector<DotPixel> pixels =
-      collect_pixels(image, ellipse, reach, std::max(depth_px(blur_px), 0.4 * ellipse.semi_minor_px), origin_px);
-  take_off_ring_light(options.ring, origin_px, pixels);
-  const Eigen::Matrix2d shape = ellipse.shape();
-  State start = State::Zero();
-  start << 0.0, 0.0, shape(0, 0), shape(0, 1), shape(1, 1), blur_px,
-      level_of(pixels, shape, std::min(1.0 + 1.5 / ellipse.semi_minor_px, reach - 0.15), 9.0), 0.0, 0.0,
-      level_of(pixels, shape, 0.0, 0.8), 0.0, 0.0;
-  const double contrast = std::abs(start[kI] - start[kO]);
-  if (contrast < 0.5 * options.min_contrast) return std::nullopt;
-  const double saturated = options.saturated_level;
-  const double rough = std::max(0.03 * contrast, 1.0);
-  State state = start;
-  adjust({pixels, {.outer = rough, .inner = rough}, radius_px, saturated, start}, kRoughlyConvergedPx, kMaxIterations, state);
-  const double rough_contrast = std::abs(state[kI] - state[kO]);
-  if (rough_contrast < options.min_contrast ||
-      rms_residual(pixels, Model(state, radius_px, saturated), saturated) > kHopeless * rough_contrast) {
-    return std::nullopt;
-  }
-
-  NoiseModel noise;
-  for (int pass = 0; pass < 2; ++pass) {
-    const auto found = Ellipse::from_shape(origin_px + state.head<2>(), shape_of(state));
-    if (!found) return std::nullopt;
-    ellipse = *found;
-    if (ellipse.semi_minor_px < options.min_radius_px) return std::nullopt;
-    const Eigen::Vector2d half = ellipse.half_extent_px();
-    if (ellipse.centre_px.x() - half.x() < 0.5 || ellipse.centre_px.y() - half.y() < 0.5 ||
-        ellipse.centre_px.x() + half.x() > image.image().width - 1.5 ||
-        ellipse.centre_px.y() + half.y() > image.image().height - 1.5) {
-      return std::nullopt;
-    }
-    blur_px = state[kBlur];
-    pixels = collect_pixels(image, ellipse, outer_rho(options, blur_px, ellipse.semi_minor_px), depth_px(blur_px), origin_px);
-    take_off_ring_light(options.ring, origin_px, pixels);
-    if (pixels.size() < 2 * kParameters) return std::nullopt;
-    noise = noise_of(pixels, Model(state, radius_px, saturated), saturated);
-    adjust({pixels, noise, radius_px, saturated, start}, pass == 0 ? kRoughlyConvergedPx : kConvergedPx, kMaxIterations, state);
-  }
-
-  const auto found = Ellipse::from_shape(origin_px + state.head<2>(), shape_of(state));
-  if (!found) return std::nullopt;
-  DotFit fit;
-  fit.ellipse = *found;
-  fit.blur_px = state[kBlur];
-  fit.inner_level = state[kI];
-  fit.outer_level = state[kO];
-  judge_edge({pixels, noise, radius_px, saturated, start}, state, fit);
-  return fit;
+std::optional<DotFit> refine_dot(const Sampler& sampler, const DotFit& earlier, const DotFitOptions& options) {
+  Problem problem = problem_of(earlier.ellipse, options);
+  problem.start = start_state(earlier.ellipse, earlier.blur_px, problem.pixels);
+  const auto centre = problem.start.head<2>();
+  problem.start.segment<2>(kOx) = problem.pixels.radius_px * earlier.outer_slope;
+  problem.start.segment<2>(kIx) = problem.pixels.radius_px * earlier.inner_slope;
+  problem.start[kO] = earlier.outer_level - problem.start.segment<2>(kOx).dot(centre);
+  problem.start[kI] = earlier.inner_level - problem.start.segment<2>(kIx).dot(centre);
+  return finish(sampler.image(), options, false, problem.start, problem);
 }
 
 }  // namespace crosstie::markers::detail

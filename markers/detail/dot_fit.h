@@ -1,26 +1,14 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include <Eigen/Core>
 
 #include "markers/detail/ellipse.h"
+#include "markers/detail/ring_light.h"
 #include "markers/detail/sampler.h"
 
 namespace crosstie::markers::detail {
-
-/// Light of the ring that the blur spreads into the gap, known once the ring has been sampled: the grey levels
-///     contrast f(phi) Phi((rho - inner_rho) / (|grad rho| blur)),  phi and rho in the affine frame of `ellipse`.
-struct RingLight {
-  Ellipse ellipse;
-  double blur_px = 0.0;
-  double contrast = 0.0;
-  double inner_rho = 0.0;
-  std::vector<double> profile;  ///< f: 0 as dark as the gap, 1 as bright as the dot; equidistant round the ring
-
-  [[nodiscard]] double at(const Eigen::Vector2d& pixel) const;
-};
 
 /// What the fit of a dot is allowed to use.
 struct DotFitOptions {
@@ -28,6 +16,8 @@ struct DotFitOptions {
   double saturated_level = 253.0;   ///< [grey levels] from here on a pixel is a lower bound
   double min_contrast = 3.0;        ///< [grey levels] with less than this it is given up early
   double min_radius_px = 1.5;       ///< [px] the same for the semi-minor axis
+  double start_error_px = 1.0;      ///< by which the start's edge may be off
+  bool alone = false;               ///< nothing stands around: the gap is used out to its end
   const RingLight* ring = nullptr;  ///< taken off the grey levels where it is known; the gap is then used nearly to the ring
 };
 
@@ -35,9 +25,11 @@ struct DotFitOptions {
 struct DotFit {
   Ellipse ellipse;
   Eigen::Matrix2d cov_px2 = Eigen::Matrix2d::Zero();  ///< of the centre, for the pixels' noise alone
-  double blur_px = 0.0;           ///< standard deviation of the Gaussian that blurs the edge (lens and pixel)
-  double inner_level = 0.0;       ///< grey level of the dot, at its centre
-  double outer_level = 0.0;       ///< grey level of the gap, extrapolated to the centre
+  double blur_px = 0.0;      ///< standard deviation of the Gaussian that blurs the edge (lens and pixel)
+  double inner_level = 0.0;  ///< grey level of the dot, at its centre
+  double outer_level = 0.0;  ///< grey level of the gap, extrapolated to the centre
+  Eigen::Vector2d inner_slope = Eigen::Vector2d::Zero();  ///< [1/px] change of these levels along x and y
+  Eigen::Vector2d outer_slope = Eigen::Vector2d::Zero();
   double residual = 0.0;          ///< RMS of the residuals in grey levels, all pixels
   double outlier_fraction = 0.0;  ///< of the weight that the pixels near the edge lost
   double deviation_px = 0.0;      ///< amplitude of the largest of the harmonics 3..5 of the edge about the ellipse
@@ -54,5 +46,8 @@ inline constexpr int kHarmonicDof = 6;  ///< cosines and sines of the harmonics 
 /// are fitted at the end: an ellipse cannot follow them, so their power tells what the harmonic 1, the centre, suffers from all
 /// causes. Nothing where the ellipse leaves the image, collapses, or the adjustment does not converge.
 std::optional<DotFit> fit_dot(const Sampler& image, const Ellipse& start, const DotFitOptions& options);
+
+/// The same from an earlier fit on, with other options: with the ring's light taken off, as a rule.
+std::optional<DotFit> refine_dot(const Sampler& image, const DotFit& earlier, const DotFitOptions& options);
 
 }  // namespace crosstie::markers::detail

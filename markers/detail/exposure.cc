@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "markers/detail/level_kernels.h"
+
 namespace crosstie::markers::detail {
 namespace {
 
@@ -10,21 +12,14 @@ template <typename Sample>
 Exposure measure(const base::ImageView& image, double saturated, double dark) {
   const auto high = static_cast<Sample>(std::ceil(saturated));
   const auto low = static_cast<Sample>(std::floor(dark));
-  std::int64_t saturated_pixels = 0;
-  std::int64_t dark_pixels = 0;
+  LevelCounts counts;
   for (int y = 0; y < image.height; ++y) {
-    const Sample* row = image.row<Sample>(y);
-    int over = 0;
-    int under = 0;
-    for (int x = 0; x < image.width; ++x) {
-      over += row[x] >= high ? 1 : 0;
-      under += row[x] <= low ? 1 : 0;
-    }
-    saturated_pixels += over;
-    dark_pixels += under;
+    const LevelCounts row = count_levels(image.row<Sample>(y), image.width, high, low);
+    counts.high += row.high;
+    counts.low += row.low;
   }
   const double all = static_cast<double>(image.width) * image.height;
-  return {static_cast<double>(saturated_pixels) / all, static_cast<double>(dark_pixels) / all};
+  return {static_cast<double>(counts.high) / all, static_cast<double>(counts.low) / all};
 }
 
 }  // namespace

@@ -1,9 +1,10 @@
 #include "markers/detail/marker.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
+
+#include "markers/detail/quick_look.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -16,6 +17,8 @@ constexpr double kMaxOutliers = 0.35;     // share of the edge that may be hidde
 constexpr double kMaxBlur = 0.6;          // over the semi-minor axis
 constexpr double kMaxDeviation = 0.03;    // amplitude of the harmonics 3..5 over the semi-minor axis,
 constexpr double kMaxDeviationPx = 0.08;  // in addition
+constexpr double kSharp = 0.12;    // blur over the semi-minor axis, up to which nothing is gained from the gap's outer part
+constexpr double kBlurred = 0.15;  // blur over the semi-minor axis, from which on the ring's light matters much
 // What a ring must be like.
 constexpr double kMaxBrightGap = 0.10;    // of the gap's circumference
 constexpr double kMaxBrightQuiet = 0.25;  // of the quiet zone's circumference
@@ -24,28 +27,6 @@ constexpr double kMinGridQuality = 0.25;
 constexpr double kMinRingContrast = 0.4;
 constexpr double kMaxMisfit = 0.4;     // of the contrast
 constexpr double kMinSegmentPx = 2.5;  // smallest width of a segment that is read
-
-/// A quick look before the fit: whether nearly everywhere round the candidate it is brighter inside than outside.
-bool looks_like_dot(const Sampler& image, const Candidate& candidate) {
-  constexpr int kDirections = 16;
-  constexpr int kNeeded = 12;
-  const Ellipse& ellipse = candidate.ellipse;
-  const Eigen::Matrix2d pixel_from_unit = ellipse.pixel_from_unit();
-  const double depth_px = std::min(1.5, 0.5 * ellipse.semi_minor_px);
-  std::array<double, kDirections> steps{};
-  for (int k = 0; k < kDirections; ++k) {
-    const double phi = 2.0 * std::numbers::pi * k / kDirections;
-    const Eigen::Vector2d edge = pixel_from_unit * Eigen::Vector2d(std::cos(phi), std::sin(phi));
-    const double share = depth_px / edge.norm();
-    const Eigen::Vector2d inner = ellipse.centre_px + (1.0 - share) * edge;
-    const Eigen::Vector2d outer = ellipse.centre_px + (1.0 + share) * edge;
-    if (!image.inside(inner.x(), inner.y()) || !image.inside(outer.x(), outer.y())) return false;
-    const double step = image.bilinear(inner.x(), inner.y()) - image.bilinear(outer.x(), outer.y());
-    steps[static_cast<std::size_t>(k)] = candidate.bright ? step : -step;
-  }
-  const double largest = *std::max_element(steps.begin(), steps.end());
-  return std::count_if(steps.begin(), steps.end(), [&](double step) { return step > 0.15 * largest; }) >= kNeeded;
-}
 
 bool is_dot(const DotFit& fit, const Candidate& candidate, const ImageView& image, const DetectOptions& options) {
   const double contrast = fit.inner_level - fit.outer_level;
@@ -116,25 +97,38 @@ bool read_in_full(const Marker& marker) {
 
 std::optional<Marker> measure_marker(const Sampler& image, const Candidate& candidate, const MarkerFamily& family,
                                      const DetectOptions& options) {
-  if (!looks_like_dot(image, candidate)) return std::nullopt;
   const double white_level = image.image().white_level;
   DotFitOptions fit_options{.gap_outer = family.ring_inner,
                             .saturated_level = options.saturated_level * white_level,
                             .min_contrast = options.min_contrast * white_level,
-                            .min_radius_px = options.min_radius_px};
+                            .min_radius_px = options.min_radius_px,
+                            .start_error_px = candidate.scale};
   const std::optional<DotFit> fit = fit_dot(image, candidate.ellipse, fit_options);
   if (!fit || !is_dot(*fit, candidate, image.image(), options)) return std::nullopt;
   Marker marker;
   marker.dot = *fit;
+  if (stands_alone(image, fit->ellipse, fit->inner_level, fit->outer_level, family)) {
+    if (fit->blur_px < kSharp * fit->ellipse.semi_minor_px) return marker;
+    fit_options.alone = true;
+    const std::optional<DotFit> refined = refine_dot(image, *fit, fit_options);
+    if (refined && is_dot(*refined, candidate, image.image(), options)) marker.dot = *refined;
+    return marker;
+  }
   marker.ring = read_ring(image, family, *fit);
   if (marker.ring.bright_gap > kMaxBrightGap) return std::nullopt;
   judge_ring(family, options, marker);
-  if (marker.status != ObservationStatus::kUncoded && !marker.ring.profile.empty()) {
-    const RingLight ring{fit->ellipse, fit->blur_px, fit->inner_level - fit->outer_level, family.ring_inner,
-                         marker.ring.profile};
-    fit_options.ring = &ring;
-    const std::optional<DotFit> refined = fit_dot(image, fit->ellipse, fit_options);
-    if (refined && is_dot(*refined, candidate, image.image(), options)) marker.dot = *refined;
+  if (marker.status != ObservationStatus::kUncoded && !marker.ring.cut) {
+    // Where the blur is large, the dot is known well enough to take the ring's light off only after that was done once.
+    const int passes = fit->blur_px < kBlurred * fit->ellipse.semi_minor_px ? 1 : 3;
+    for (int pass = 0; pass < passes; ++pass) {
+      const std::optional<RingLight> light = RingLight::of(image, marker.dot, family, fit_options.saturated_level);
+      fit_options.ring = light ? &*light : nullptr;
+      const std::optional<DotFit> refined = light ? refine_dot(image, marker.dot, fit_options) : std::nullopt;
+      if (!refined || !is_dot(*refined, candidate, image.image(), options)) break;
+      marker.dot = *refined;
+    }
+    marker.id = base::kNoId;
+    judge_ring(family, options, marker);  // the sizes that it asks for are known better now
   }
   return marker;
 }

@@ -23,18 +23,25 @@ class Sampler {
 
   /// Bilinear between the four neighbours: good enough for levels, not for edges.
   [[nodiscard]] double bilinear(double x, double y) const {
-    const int ix = static_cast<int>(x);
-    const int iy = static_cast<int>(y);
-    const double fx = x - ix;
-    const double fy = y - iy;
-    const double top = at(ix, iy) + fx * (at(ix + 1, iy) - at(ix, iy));
-    const double bottom = at(ix, iy + 1) + fx * (at(ix + 1, iy + 1) - at(ix, iy + 1));
-    return top + fy * (bottom - top);
+    return image_.bits == 8 ? bilinear_of<std::uint8_t>(x, y) : bilinear_of<std::uint16_t>(x, y);
   }
 
   [[nodiscard]] const base::ImageView& image() const { return image_; }
 
  private:
+  template <typename Sample>
+  [[nodiscard]] double bilinear_of(double x, double y) const {
+    const int ix = static_cast<int>(x);
+    const int iy = static_cast<int>(y);
+    const double fx = x - ix;
+    const double fy = y - iy;
+    const Sample* upper = image_.row<Sample>(iy) + ix;
+    const Sample* lower = image_.row<Sample>(iy + 1) + ix;
+    const double top = upper[0] + fx * (upper[1] - upper[0]);
+    const double bottom = lower[0] + fx * (lower[1] - lower[0]);
+    return top + fy * (bottom - top);
+  }
+
   const base::ImageView& image_;
 };
 
