@@ -53,8 +53,10 @@ bool explained(const detail::Candidate& candidate, const std::vector<detail::Mar
     const Eigen::Vector2d e = candidate.ellipse.centre_px - dot.centre_px;
     if (e.cwiseAbs().maxCoeff() > family.ring_outer * dot.semi_major_px) return false;
     const bool read = marker.status == base::ObservationStatus::kCoded || marker.status == base::ObservationStatus::kRefused;
-    const double reach = read ? family.ring_outer : 0.5;
-    return e.dot(dot.shape() * e) < reach * reach;
+    if (read) return e.dot(dot.shape() * e) < family.ring_outer * family.ring_outer;
+    constexpr double kSameSize = 1.4;  // what is concentric but larger or smaller is something else
+    const double ratio = candidate.ellipse.semi_minor_px / dot.semi_minor_px;
+    return e.dot(dot.shape() * e) < 0.25 && ratio < kSameSize && ratio > 1.0 / kSameSize;
   });
 }
 
