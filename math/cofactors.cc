@@ -144,7 +144,7 @@ MatrixXd Cofactors::full() const {
 
 std::vector<MatrixXd> residual_cofactors(const NormalEquations& equations, const WhitenedRows& rows) {
   const Parameters& parameters = equations.parameters();
-  const MatrixXd kept = equations.kept_cofactors();
+  const MatrixXd& kept = equations.kept_cofactors();
   // Q of each cell with the kept unknowns that it shares observations with, and with itself.
   std::vector<MatrixXd> shared;
   std::vector<MatrixXd> own;

@@ -329,11 +329,13 @@ MatrixXd NormalEquations::solve(const MatrixXd& right) const {
 
 VectorXd NormalEquations::step() const { return -solve(gradient_); }
 
-MatrixXd NormalEquations::kept_cofactors() const {
+const MatrixXd& NormalEquations::kept_cofactors() const {
   const int kept = parameters_.kept_size();
-  if (kept == 0) return {};
-  MatrixXd inverse = scale_.asDiagonal() * factor_.solve(MatrixXd::Identity(kept, kept)) * scale_.asDiagonal();
-  return 0.5 * (inverse + inverse.transpose());
+  if (kept_cofactors_.size() == 0 && kept > 0) {
+    const MatrixXd inverse = scale_.asDiagonal() * factor_.solve(MatrixXd::Identity(kept, kept)) * scale_.asDiagonal();
+    kept_cofactors_ = 0.5 * (inverse + inverse.transpose());
+  }
+  return kept_cofactors_;
 }
 
 }  // namespace crosstie::math

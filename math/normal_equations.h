@@ -59,8 +59,8 @@ class NormalEquations {
   [[nodiscard]] const std::vector<Cell>& cells() const { return cells_; }
   /// The cell of an eliminated block and the offset of its first unknown in it.
   [[nodiscard]] std::pair<int, int> cell_of(int block) const { return cell_of_[static_cast<std::size_t>(block)]; }
-  /// Q of the kept unknowns.
-  [[nodiscard]] Eigen::MatrixXd kept_cofactors() const;
+  /// Q of the kept unknowns: the inverse, computed when it is first asked for. Not to be asked for by several threads at once.
+  [[nodiscard]] const Eigen::MatrixXd& kept_cofactors() const;
   /// The least eigenvalue of M by inverse iteration, and the unknowns that dominate its eigenvector as text.
   [[nodiscard]] std::pair<double, std::string> weakest() const;
   /// Eigenvalues of M that fall below `limit`, as text that names the unknowns which dominate their eigenvectors.
@@ -83,6 +83,7 @@ class NormalEquations {
   Eigen::VectorXd scale_;        ///< D
   Eigen::MatrixXd scaled_;       ///< M
   Eigen::LLT<Eigen::MatrixXd> factor_;
+  mutable Eigen::MatrixXd kept_cofactors_;  ///< empty until it is asked for
 };
 
 }  // namespace crosstie::math

@@ -71,6 +71,11 @@ Eigen::MatrixXd motions_of(const Block& block) {
 
 }  // namespace
 
+const std::vector<Eigen::MatrixXd>& Estimate::residual_cofactors() const {
+  if (residual_cofactors_.empty()) residual_cofactors_ = math::residual_cofactors(equations, rows);
+  return residual_cofactors_;
+}
+
 double Estimate::sigma0() const { return redundancy > 0 ? std::sqrt(square_sum / redundancy) : 0.0; }
 
 Eigen::MatrixXd null_space(const NetworkModel& network, const math::WhitenedRows& rows) {
@@ -157,14 +162,12 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
                     "the adjustment does not converge; the observations contradict each other or hardly determine the network");
       }
       read_back(survey, network, state);
-      auto cofactors = math::residual_cofactors(*equations, rows);
       const double square_sum = rows.square_sum();
       const int observations = rows.row_count();
       const int unknowns = parameters.size();
       const int redundancy = observations - unknowns + static_cast<int>(equations->null_space().cols());
-      return Estimate{
-          std::move(network), std::move(rows), std::move(*equations), std::move(cofactors), square_sum, observations,
-          unknowns,           redundancy};
+      return Estimate{std::move(network), std::move(rows), std::move(*equations), square_sum, observations,
+                      unknowns,           redundancy};
     }
     if (moved > 2.0 * last && !minimised) {
       network.model.blocks = start;

@@ -17,13 +17,16 @@ struct Estimate {
   NetworkModel network;
   math::WhitenedRows rows;
   math::NormalEquations equations;
-  std::vector<Eigen::MatrixXd> residual_cofactors;  ///< of each group, whitened
-  double square_sum = 0.0;                          ///< v'Pv
+  double square_sum = 0.0;  ///< v'Pv
   int observations = 0;
   int unknowns = 0;
   int redundancy = 0;  ///< observations - unknowns + free directions
 
   [[nodiscard]] double sigma0() const;
+  /// Of each group, whitened; computed when they are first asked for.
+  [[nodiscard]] const std::vector<Eigen::MatrixXd>& residual_cofactors() const;
+
+  mutable std::vector<Eigen::MatrixXd> residual_cofactors_ = {};  ///< empty until they are asked for
 };
 
 struct EstimateOptions {

@@ -114,7 +114,7 @@ void add_control(const Survey& survey, const State& state, const Estimate& at, A
     const int control = at.network.control_of_group[static_cast<std::size_t>(g)];
     if (control < 0) continue;
     w[static_cast<std::size_t>(control)] =
-        standardised(at.rows.residual(g), at.residual_cofactors[static_cast<std::size_t>(g)]);
+        standardised(at.rows.residual(g), at.residual_cofactors()[static_cast<std::size_t>(g)]);
   }
   for (std::size_t c = 0; c < survey.control.size(); ++c) {
     const Control& control = survey.control[c];
@@ -172,7 +172,7 @@ void add_residuals(const Survey& survey, const Estimate& at, const Weights& weig
     const Ray& ray = survey.rays[static_cast<std::size_t>(r)];
     const Eigen::Matrix2d cov = weights.covariance(r);
     const Eigen::Matrix2d factor = cov.llt().matrixL();
-    const Eigen::MatrixXd& cofactor = at.residual_cofactors[static_cast<std::size_t>(g)];
+    const Eigen::MatrixXd& cofactor = at.residual_cofactors()[static_cast<std::size_t>(g)];
     base::AdjustedObservation observation;
     observation.image = places.image[static_cast<std::size_t>(ray.image)];
     observation.point = places.point[static_cast<std::size_t>(ray.point)];
@@ -215,7 +215,7 @@ void add_bars(const Survey& survey, const State& state, const Estimate& at, cons
     if (bar.bar.role == base::ScaleBarRole::kUsed) {
       for (int g = 0; g < at.rows.group_count(); ++g) {
         if (at.network.bar_of_group[static_cast<std::size_t>(g)] != static_cast<int>(i)) continue;
-        const double controlled = at.residual_cofactors[static_cast<std::size_t>(g)](0, 0);
+        const double controlled = at.residual_cofactors()[static_cast<std::size_t>(g)](0, 0);
         if (controlled > 1e-6) adjusted.w = at.rows.residual(g)(0) / std::sqrt(controlled);
       }
     } else if (bar.bar.role == base::ScaleBarRole::kCheck) {

@@ -72,7 +72,7 @@ std::vector<double> standardised_of_rays(const Survey& survey, const State& stat
   for (int g = 0; g < at.rows.group_count(); ++g) {
     const int r = at.network.ray_of_group[static_cast<std::size_t>(g)];
     if (r >= 0) {
-      w[static_cast<std::size_t>(r)] = standardised(at.rows.residual(g), at.residual_cofactors[static_cast<std::size_t>(g)]);
+      w[static_cast<std::size_t>(r)] = standardised(at.rows.residual(g), at.residual_cofactors()[static_cast<std::size_t>(g)]);
     }
   }
   // Rejected rays: J Q J' is the same in every datum.
@@ -197,7 +197,7 @@ int reject_largest(const Survey& survey, const AdjustOptions& options, const Est
   for (int g = 0; g < at.rows.group_count(); ++g) {
     const int r = at.network.ray_of_group[static_cast<std::size_t>(g)];
     if (r < 0) continue;
-    const double w = standardised(at.rows.residual(g), at.residual_cofactors[static_cast<std::size_t>(g)]);
+    const double w = standardised(at.rows.residual(g), at.residual_cofactors()[static_cast<std::size_t>(g)]);
     if (w > limit) suspects.push_back({r, w});
   }
   std::stable_sort(suspects.begin(), suspects.end(), [](const Suspect& a, const Suspect& b) { return a.w > b.w; });

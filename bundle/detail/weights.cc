@@ -115,7 +115,7 @@ double Weights::update(const Survey& survey, const Estimate& at, bool robust) {
     const auto r = static_cast<std::size_t>(ray);
     const Eigen::LLT<Eigen::Matrix2d> llt(covariance(ray));
     const Eigen::Vector2d residual = llt.matrixL() * at.rows.residual(g);
-    const double number = at.residual_cofactors[static_cast<std::size_t>(g)].trace();
+    const double number = at.residual_cofactors()[static_cast<std::size_t>(g)].trace();
     items[kinds_[r]].push_back({detector_[r], residual, number});
     active[kinds_[r]][r] = 1;
   }

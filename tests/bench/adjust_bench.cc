@@ -57,7 +57,9 @@ base::Network observed(const fs::path& folder) {
 base::Network cleaned(const base::Network& network, const base::AdjustedNetwork& adjusted) {
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
-  const auto draw = [&](double sigma) { return Eigen::Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random)); };
+  const auto draw = [&](double sigma) {
+    return Eigen::Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random));
+  };
   base::Network clean;
   clean.scale_is_free = true;
   clean.cameras = network.cameras;
@@ -66,7 +68,8 @@ base::Network cleaned(const base::Network& network, const base::AdjustedNetwork&
       if (known.name != camera.name) continue;
       Eigen::VectorXd parameters = known.camera.parameters();
       parameters.head<4>().array() += 2.0;
-      camera.camera = *base::Camera::make(camera.camera.model(), camera.camera.width_px(), camera.camera.height_px(), parameters);
+      camera.camera =
+          *base::Camera::make(camera.camera.model(), camera.camera.width_px(), camera.camera.height_px(), parameters);
     }
   }
   const double unit = adjusted.points.front().xyz_mm.norm() / 300.0;  // a free scale: some mm of the real panel
@@ -79,7 +82,8 @@ base::Network cleaned(const base::Network& network, const base::AdjustedNetwork&
     start.translation_mm += draw(2.0 * unit);
     clean.start_poses.push_back({image.name, start});
   }
-  for (const base::AdjustedPoint& point : adjusted.points) clean.start_points.push_back({point.id, point.xyz_mm + draw(1.0 * unit), {}});
+  for (const base::AdjustedPoint& point : adjusted.points)
+    clean.start_points.push_back({point.id, point.xyz_mm + draw(1.0 * unit), {}});
   for (const base::AdjustedObservation& seen : adjusted.residuals) {
     base::Observation observation;
     observation.id = adjusted.points[static_cast<std::size_t>(seen.point)].id;
@@ -93,7 +97,8 @@ base::Network cleaned(const base::Network& network, const base::AdjustedNetwork&
 
 /// The start values as COLMAP takes them: an adjusted network that holds them.
 base::AdjustedNetwork start_of(const base::Network& clean, base::AdjustedNetwork adjusted) {
-  for (std::size_t i = 0; i < adjusted.images.size(); ++i) adjusted.images[i].network_from_camera = clean.start_poses[i].network_from_camera;
+  for (std::size_t i = 0; i < adjusted.images.size(); ++i)
+    adjusted.images[i].network_from_camera = clean.start_poses[i].network_from_camera;
   for (std::size_t p = 0; p < adjusted.points.size(); ++p) adjusted.points[p].xyz_mm = clean.start_points[p].xyz_mm;
   for (std::size_t c = 0; c < adjusted.cameras.size(); ++c) adjusted.cameras[c].camera = clean.cameras[c].camera;
   return adjusted;
@@ -148,12 +153,15 @@ void compare(const fs::path& folder) {
   const tests::TemporaryFolder work;
   fs::create_directories(work / "in");
   fs::create_directories(work / "out");
-  if (auto written = base::write_colmap_model(work / "in", base::colmap_model_of(start_of(clean, *start)), base::ColmapFormat::kBinary); !written) {
+  if (auto written =
+          base::write_colmap_model(work / "in", base::colmap_model_of(start_of(clean, *start)), base::ColmapFormat::kBinary);
+      !written) {
     give_up(written.error().message);
   }
   const std::string arguments = fmt::format(
       "bundle_adjuster --input_path '{}' --output_path '{}' --BundleAdjustment.refine_principal_point 1 "
-      "--BundleAdjustment.max_num_iterations 200 --BundleAdjustment.function_tolerance 0 --BundleAdjustment.parameter_tolerance 0",
+      "--BundleAdjustment.max_num_iterations 200 --BundleAdjustment.function_tolerance 0 "
+      "--BundleAdjustment.parameter_tolerance 0",
       (work / "in").string(), (work / "out").string());
   for (int run = 0; run < kRuns; ++run) {
     peer_runs.push_back(wall_millis([&] {
@@ -162,8 +170,10 @@ void compare(const fs::path& folder) {
   }
   const auto theirs = base::read_colmap_model(work / "out");
   if (!theirs) give_up(theirs.error().message);
-  print_row(fmt::format("adjust aicon-panel, {} images, {} rays, all covariances [ms]", ours->images.size(), ours->residuals.size()).c_str(),
-            median_of(our_runs), median_of(peer_runs));
+  print_row(
+      fmt::format("adjust aicon-panel, {} images, {} rays, all covariances [ms]", ours->images.size(), ours->residuals.size())
+          .c_str(),
+      median_of(our_runs), median_of(peer_runs));
   std::printf("%-44s %10.2e mm (limit 1e-4; 7-parameter fit, %zu points)\n", "  largest difference of a coordinate",
               largest_difference_mm(*ours, *theirs), theirs->points.size());
 }
