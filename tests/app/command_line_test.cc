@@ -41,7 +41,7 @@ TEST(CommandLine, ShowsHelpAndVersionAsText) {
 
 TEST(CommandLine, RefusesWithAUsageErrorThatHelps) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
-      {{"adjsut", "job"}, "did you mean 'adjust'"},     {{"adjust"}, "JOB"},
+      {{"adjsut", "job"}, "did you mean 'adjust'"},     {{"run"}, "JOB"},
       {{"adjust", "job", "--nonsense"}, "--nonsense"},  {{"detect", "a.png", "--out", "x"}, "--family"},
       {{"run", "job", "--threads", "many"}, "threads"},
   };
