@@ -27,9 +27,6 @@ base::Result<State> orient(const Survey& survey, const AdjustOptions& options, c
 std::optional<State> from_start_values(const Survey& survey, const AdjustOptions& options,
                                        const std::vector<std::vector<int>>& free_lens, const base::Progress& progress);
 
-/// Robust sigma of an image coordinate [px]: 1.4826 times the median of the absolute residuals of the active rays.
-double robust_sigma_px(const Survey& survey, const State& state);
-
 /// Error kNoUniqueSolution where the images fall into blocks that share fewer than three markers, naming them.
 base::Result<> check_connection(const Survey& survey);
 

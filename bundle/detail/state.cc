@@ -1,5 +1,7 @@
 #include "bundle/detail/state.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace crosstie::bundle::detail {
@@ -50,6 +52,21 @@ void transform(State& state, const base::Pose& other_from_network) {
   for (auto& point : state.points) {
     if (point) point = other_from_network * *point;
   }
+}
+
+double robust_sigma_px(const Survey& survey, const State& state) {
+  std::vector<double> residuals;
+  for (std::size_t r = 0; r < survey.rays.size(); ++r) {
+    if (!state.active[r] || !state.knows(survey.rays[r])) continue;
+    const auto pixel = predicted_px(survey, state, survey.rays[r]);
+    if (!pixel) continue;
+    residuals.push_back(std::abs(pixel->x() - survey.rays[r].measured_px.x()));
+    residuals.push_back(std::abs(pixel->y() - survey.rays[r].measured_px.y()));
+  }
+  if (residuals.empty()) return std::numeric_limits<double>::infinity();
+  const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
+  std::nth_element(residuals.begin(), middle, residuals.end());
+  return 1.4826 * *middle;
 }
 
 }  // namespace crosstie::bundle::detail

@@ -34,6 +34,9 @@ std::optional<Eigen::Vector2d> predicted_px(const Survey& survey, const State& s
 /// Distance between measured and predicted; infinite where there is no prediction.
 double distance_px(const Survey& survey, const State& state, const Ray& ray);
 
+/// Robust sigma of an image coordinate [px]: 1.4826 times the median of the absolute residuals of the active rays.
+double robust_sigma_px(const Survey& survey, const State& state);
+
 /// Multiplies the network by `scale` about the origin.
 void rescale(State& state, double scale);
 /// Moves poses and points into another frame.
