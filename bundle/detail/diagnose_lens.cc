@@ -164,7 +164,7 @@ void about_lenses(const Survey& survey, const State& state, AdjustedNetwork& res
   if (on_plane.empty()) return;
   result.warnings.push_back(
       {"planar_points", on_plane,
-       fmt::format("the points lie in a plane (thickness {:.1f} % of their length) and nothing was known of the focal length "
+       fmt::format("the points lie in a plane (thickness {:.2g} % of their length) and nothing was known of the focal length "
                    "of {}: it leans on the oblique images alone. Put points in front of the plane, or give a calibration",
                    100.0 * spread.along_mm(0) / spread.along_mm(2), on_plane)});
 }
