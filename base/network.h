@@ -99,6 +99,8 @@ struct AdjustedPoint {
   double angle_rad = 0.0;  ///< largest angle between two of its rays
   double rms_px = 0.0;     ///< sqrt(sum |e|^2 / rays)
   double max_w = 0.0;
+  double max_px = 0.0;            ///< its longest residual
+  double least_redundancy = 0.0;  ///< least redundancy number of its image coordinates
 };
 
 struct AdjustedImage {
@@ -108,12 +110,19 @@ struct AdjustedImage {
   Matrix6d cov = Matrix6d::Zero();
   double rms_px = 0.0;
   int rays = 0;
+  double max_px = 0.0;    ///< its longest residual
+  double coverage = 0.0;  ///< share of its area inside the upright rectangle round its points, 0..1
 };
 
 struct AdjustedCamera {
   std::string name;
   Camera camera;  ///< with covariance
   bool estimated = true;
+  double coverage = 0.0;  ///< share of the image's cells (image_coverage.h) that hold points of any image, 0..1
+  /// Of each parameter, in order: the probability of a value at least as far from 0 as this one if the true one were 0, by
+  /// Student's t = value / sigma with the redundancy's degrees of freedom. Not a number for focal length and principal point,
+  /// for constants of the model, and where a parameter was held; empty where none was estimated.
+  Eigen::VectorXd significance_p = {};
 };
 
 struct AdjustedScaleBar {
@@ -163,6 +172,26 @@ struct UncodedDots {
   std::vector<UnmatchedDot> left;  ///< by image, y, x
 };
 
+/// Where the scalar observations come from.
+struct ObservationCounts {
+  int image_coordinates = 0;
+  int scale_bars = 0;
+  int control_coordinates = 0;
+  int lens_parameters = 0;  ///< what was known of lenses beforehand
+
+  [[nodiscard]] int total() const { return image_coordinates + scale_bars + control_coordinates + lens_parameters; }
+};
+
+/// What the unknowns are.
+struct UnknownCounts {
+  int interior = 0;  ///< parameters of lenses
+  int exterior = 0;  ///< poses of images, or of stations where the cameras are on a rig
+  int rig = 0;       ///< where cameras sit on their rigs
+  int object = 0;    ///< coordinates of points
+
+  [[nodiscard]] int total() const { return interior + exterior + rig + object; }
+};
+
 /// The outcome of an adjustment. Covariances are a posteriori (multiplied by sigma0^2) in the stated datum.
 struct AdjustedNetwork {
   std::string datum;       ///< "inner constraints", ...
@@ -178,8 +207,14 @@ struct AdjustedNetwork {
   int unknowns = 0;                     ///< u
   int conditions = 0;                   ///< of the datum
   int redundancy = 0;                   ///< n - u + conditions
-  double chi2_p = 0.0;  ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
+  double chi2_p = 0.0;         ///< probability of a sigma0 at least this far from 1 (two-sided) if the a priori sigmas are true
+  ObservationCounts observed;  ///< parts of `observations`
+  UnknownCounts estimated;     ///< parts of `unknowns`
   int iterations = 0;
+  double last_step = 0.0;  ///< how far the last iteration moved all predictions together, in a priori sigmas
+  /// Rank of the design matrix as its pattern of zeros allows: u, unless something has fewer observations than unknowns.
+  int structural_rank = 0;
+  int rank = 0;  ///< by the eigenvalues of its normal matrix: u less the directions that only the datum determines
   /// Least eigenvalue of the reduced normal matrix, scaled to unit diagonal, in the datum: near 0 where a combination of unknowns
   /// is hardly determined; and the unknowns that dominate its eigenvector.
   double least_eigenvalue = 0.0;

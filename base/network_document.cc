@@ -34,6 +34,9 @@ Json camera_json(const AdjustedCamera& adjusted) {
   const bool known = camera.covariance().size() > 0;
   json["sigmas"] = known ? list_json(Eigen::VectorXd(camera.covariance().diagonal().cwiseMax(0.0).cwiseSqrt())) : Json(nullptr);
   json["cov"] = known ? upper_triangle_json(camera.covariance()) : Json(nullptr);
+  json["coverage"] = adjusted.coverage;
+  json["significance_p"] = Json::array();
+  for (const double p : adjusted.significance_p) json["significance_p"].push_back(std::isfinite(p) ? Json(p) : Json(nullptr));
   return json;
 }
 
@@ -43,7 +46,9 @@ Json image_json(const AdjustedImage& image) {
           {"network_from_camera", detail::matrix_json(image.network_from_camera)},
           {"cov", upper_triangle_json(image.cov)},
           {"rms_px", image.rms_px},
-          {"rays", image.rays}};
+          {"max_px", image.max_px},
+          {"rays", image.rays},
+          {"coverage", image.coverage}};
 }
 
 Json point_json(const AdjustedPoint& point) {
@@ -55,7 +60,9 @@ Json point_json(const AdjustedPoint& point) {
           {"rays", point.rays},
           {"angle_rad", point.angle_rad},
           {"rms_px", point.rms_px},
-          {"max_w", point.max_w}};
+          {"max_px", point.max_px},
+          {"max_w", point.max_w},
+          {"least_redundancy", point.least_redundancy}};
 }
 
 Json rig_json(const AdjustedRig& rig) {
@@ -133,7 +140,18 @@ Json network_json(const AdjustedNetwork& network) {
   json["conditions"] = network.conditions;
   json["redundancy"] = network.redundancy;
   json["chi2_p"] = network.chi2_p;
+  const ObservationCounts& observed = network.observed;
+  json["observed"] = {{"image_coordinates", observed.image_coordinates},
+                      {"scale_bars", observed.scale_bars},
+                      {"control_coordinates", observed.control_coordinates},
+                      {"lens_parameters", observed.lens_parameters}};
+  const UnknownCounts& estimated = network.estimated;
+  json["estimated"] = {
+      {"interior", estimated.interior}, {"exterior", estimated.exterior}, {"rig", estimated.rig}, {"object", estimated.object}};
   json["iterations"] = network.iterations;
+  json["last_step"] = network.last_step;
+  json["structural_rank"] = network.structural_rank;
+  json["rank"] = network.rank;
   json["least_eigenvalue"] = network.least_eigenvalue;
   json["weakest"] = network.weakest;
   for (const char* key : {"points", "images", "cameras", "rigs", "scale_bars", "control", "rejected"})

@@ -85,4 +85,9 @@ double chi_square_two_sided(double x, double dof) {
   return std::min(1.0, 2.0 * std::min(below, 1.0 - below));
 }
 
+double student_two_sided(double t, double dof) {
+  if (!(dof > 0.0) || std::isnan(t)) return kNan;
+  return Eigen::numext::betainc(0.5 * dof, 0.5, dof / (dof + t * t));
+}
+
 }  // namespace crosstie::math

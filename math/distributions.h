@@ -25,5 +25,7 @@ namespace crosstie::math {
 
 /// Probability of a value at least as far from the distribution's middle as x, to either side.
 [[nodiscard]] double chi_square_two_sided(double x, double dof);
+/// Probability of a value of Student's t at least as far from 0 as t, to either side; small ones keep their digits.
+[[nodiscard]] double student_two_sided(double t, double dof);
 
 }  // namespace crosstie::math

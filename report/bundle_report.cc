@@ -18,10 +18,12 @@ std::string bundle_report(const base::AdjustedNetwork& network, const ReportCont
   }
   page.section("points", "Points", detail::bundle_points_section(network));
   page.section("scale", "Scale bars", detail::bundle_scale_section(network));
+  if (!network.rigs.empty()) page.section("rigs", "Rigs", detail::bundle_rigs_section(network));
+  if (!network.control.empty()) page.section("control", "Control points", detail::bundle_control_section(network));
   page.section("images", "Images", detail::bundle_images_section(network));
   page.section("cameras", "Cameras", detail::bundle_cameras_section(network));
   page.section("residuals", "Residuals", detail::bundle_residuals_section(network));
-  page.section("rejected", "Rejected observations", detail::bundle_rejected_section(network));
+  page.section("rejected", "Left out", detail::bundle_rejected_section(network));
   return page.html();
 }
 

@@ -29,14 +29,16 @@ void append_upper(std::vector<std::string>& row, const Eigen::Ref<const Eigen::M
 
 Table points_table(const base::AdjustedNetwork& network) {
   Table table;
-  table.columns = {"id",         "kind",       "x_mm",       "y_mm", "z_mm",      "cov_xx_mm2", "cov_xy_mm2", "cov_xz_mm2",
-                   "cov_yy_mm2", "cov_yz_mm2", "cov_zz_mm2", "rays", "angle_rad", "rms_px",     "max_w"};
+  table.columns = {
+      "id",         "kind",       "x_mm", "y_mm",      "z_mm",   "cov_xx_mm2", "cov_xy_mm2", "cov_xz_mm2",      "cov_yy_mm2",
+      "cov_yz_mm2", "cov_zz_mm2", "rays", "angle_rad", "rms_px", "max_w",      "max_px",     "least_redundancy"};
   for (const base::AdjustedPoint& point : network.points) {
     std::vector<std::string> row = {std::to_string(point.id), point.kind};
     append(row, point.xyz_mm);
     append_upper(row, point.cov_mm2);
     row.push_back(std::to_string(point.rays));
     append(row, Eigen::Vector3d(point.angle_rad, point.rms_px, point.max_w));
+    append(row, Eigen::Vector2d(point.max_px, point.least_redundancy));
     table.rows.push_back(std::move(row));
   }
   return table;
@@ -60,7 +62,9 @@ Table images_table(const base::AdjustedNetwork& network) {
                    "sigma_rotation_y_rad",
                    "sigma_rotation_z_rad",
                    "rays",
-                   "rms_px"};
+                   "rms_px",
+                   "max_px",
+                   "coverage"};
   for (const base::AdjustedImage& image : network.images) {
     const Eigen::Quaterniond& q = image.network_from_camera.rotation;
     std::vector<std::string> row = {image.name, image.camera};
@@ -70,7 +74,7 @@ Table images_table(const base::AdjustedNetwork& network) {
     append(row, position.diagonal().cwiseMax(0.0).cwiseSqrt());
     append(row, image.cov.diagonal().head<3>().cwiseMax(0.0).cwiseSqrt());
     row.push_back(std::to_string(image.rays));
-    row.push_back(format_double(image.rms_px));
+    append(row, Eigen::Vector3d(image.rms_px, image.max_px, image.coverage));
     table.rows.push_back(std::move(row));
   }
   return table;
@@ -78,16 +82,18 @@ Table images_table(const base::AdjustedNetwork& network) {
 
 Table cameras_table(const base::AdjustedNetwork& network) {
   Table table;
-  table.columns = {"camera", "model", "width_px", "height_px", "estimated", "parameter", "value", "sigma"};
+  table.columns = {"camera", "model", "width_px", "height_px", "estimated", "parameter", "value", "sigma", "significance_p"};
   for (const base::AdjustedCamera& one : network.cameras) {
     const auto names = base::parameter_names(one.camera.model());
     for (std::size_t i = 0; i < names.size(); ++i) {
       const auto k = static_cast<Eigen::Index>(i);
       const bool known = one.camera.covariance().size() > 0;
+      const bool tested = k < one.significance_p.size() && std::isfinite(one.significance_p(k));
       table.rows.push_back({one.name, std::string(base::lens_model_name(one.camera.model())),
                             std::to_string(one.camera.width_px()), std::to_string(one.camera.height_px()),
                             one.estimated ? "yes" : "no", std::string(names[i]), format_double(one.camera.parameters()(k)),
-                            known ? format_double(std::sqrt(std::max(0.0, one.camera.covariance()(k, k)))) : ""});
+                            known ? format_double(std::sqrt(std::max(0.0, one.camera.covariance()(k, k)))) : "",
+                            tested ? format_double(one.significance_p(k)) : ""});
     }
   }
   return table;
@@ -132,6 +138,51 @@ Table scale_bars_table(const base::AdjustedNetwork& network) {
                           format_double(bar.bar.temperature_c), format_double(bar.bar.cte_per_k), format_double(known),
                           format_double(bar.measured_mm), format_double(bar.sigma_mm), format_double(bar.measured_mm - known),
                           format_double(bar.w), bar.bar.certificate});
+  }
+  return table;
+}
+
+Table rigs_table(const base::AdjustedNetwork& network) {
+  Table table;
+  table.columns = {"rig",
+                   "camera",
+                   "stations",
+                   "qw",
+                   "qx",
+                   "qy",
+                   "qz",
+                   "x_mm",
+                   "y_mm",
+                   "z_mm",
+                   "sigma_position_x_mm",
+                   "sigma_position_y_mm",
+                   "sigma_position_z_mm",
+                   "sigma_rotation_x_rad",
+                   "sigma_rotation_y_rad",
+                   "sigma_rotation_z_rad"};
+  for (const base::AdjustedRig& rig : network.rigs) {
+    for (const base::AdjustedMount& mount : rig.mounts) {
+      const Eigen::Quaterniond& q = mount.rig_from_camera.rotation;
+      std::vector<std::string> row = {rig.name, mount.camera, std::to_string(rig.stations)};
+      append(row, Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()));
+      append(row, mount.rig_from_camera.translation_mm);
+      append(row, base::position_covariance(mount.rig_from_camera, mount.cov).diagonal().cwiseMax(0.0).cwiseSqrt());
+      append(row, mount.cov.diagonal().head<3>().cwiseMax(0.0).cwiseSqrt());
+      table.rows.push_back(std::move(row));
+    }
+  }
+  return table;
+}
+
+Table control_table(const base::AdjustedNetwork& network) {
+  Table table;
+  table.columns = {"id", "residual_x_mm", "residual_y_mm", "residual_z_mm", "sigma_x_mm", "sigma_y_mm", "sigma_z_mm", "w"};
+  for (const base::AdjustedControl& one : network.control) {
+    std::vector<std::string> row = {std::to_string(one.id)};
+    append(row, one.residual_mm);
+    append(row, one.sigma_mm);
+    row.push_back(format_double(one.w));
+    table.rows.push_back(std::move(row));
   }
   return table;
 }
@@ -218,6 +269,8 @@ Result<> write_bundle_tables(const std::filesystem::path& folder, const base::Ad
                             {"cameras.csv", cameras_table(network)},
                             {"residuals.csv", residuals_table(network)},
                             {"scale_bars.csv", scale_bars_table(network)},
+                            {"rigs.csv", rigs_table(network)},
+                            {"control.csv", control_table(network)},
                             {"rejected.csv", rejected_table(network)},
                             {"unmatched.csv", unmatched_table(network)}});
 }

@@ -3,8 +3,8 @@
 #include <numbers>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 
+#include "bundle/detail/diagnose.h"
 #include "bundle/detail/outcome.h"
 
 namespace crosstie::bundle::detail {
@@ -15,12 +15,8 @@ using base::Warning;
 
 constexpr int kFewRays = 3;
 constexpr double kSmallAngle_rad = 20.0 * std::numbers::pi / 180.0;
-constexpr double kHighCorrelation = 0.95;
-constexpr double kFlat = 0.02;  // thickness of the points over their length
-constexpr double kRolled_rad = std::numbers::pi / 4.0;
 constexpr double kUncontrolled = 0.05;  // redundancy number under which a blunder would hardly show
 constexpr double kContradiction = 3.3;  // sigmas
-constexpr double kWeakFocal = 0.02;     // relative sigma of a focal length
 constexpr double kUnlikely = 0.001;
 
 /// Uncoded targets can be many, and nobody chose them one by one: those that are weak are told together.
@@ -70,65 +66,6 @@ void about_images(AdjustedNetwork& result) {
          fmt::format("{} of the {} image points of {} are hardly controlled by others: a blunder in them would "
                      "not show",
                      weak[i], result.images[i].rays, result.images[i].name)});
-  }
-}
-
-void about_lenses(const Survey& survey, const State& state, AdjustedNetwork& result) {
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const auto& point : result.points) scatter += point.xyz_mm * point.xyz_mm.transpose();
-  const Eigen::Vector3d extent =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  const bool flat = extent(0) < kFlat * extent(2);
-  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
-    const base::AdjustedCamera& camera = result.cameras[c];
-    const Eigen::MatrixXd& cov = camera.camera.covariance();
-    if (!camera.estimated || cov.size() == 0) continue;
-    const auto names = base::parameter_names(camera.camera.model());
-    std::string pairs;
-    for (Eigen::Index i = 0; i < cov.rows(); ++i) {
-      for (Eigen::Index j = i + 1; j < cov.cols(); ++j) {
-        const double scale = std::sqrt(cov(i, i) * cov(j, j));
-        const bool both_focal = i == 0 && j == 1;  // one scale under two names: always alike
-        if (both_focal || !(scale > 0.0) || std::abs(cov(i, j)) < kHighCorrelation * scale) continue;
-        pairs += fmt::format("{}{}-{} {:+.3f}", pairs.empty() ? "" : ", ", names[static_cast<std::size_t>(i)],
-                             names[static_cast<std::size_t>(j)], cov(i, j) / scale);
-      }
-    }
-    if (!pairs.empty()) {
-      result.warnings.push_back(
-          {"high_correlation", camera.name,
-           fmt::format("camera {}: these parameters are correlated by more than {}: {}. Each alone means little; "
-                       "together they describe the lens",
-                       camera.name, kHighCorrelation, pairs)});
-    }
-    for (const Eigen::Index k : {0, 1}) {
-      const double relative = std::sqrt(cov(k, k)) / camera.camera.parameters()(k);
-      if (relative > kWeakFocal) {
-        result.warnings.push_back(
-            {"weak_parameter", camera.name,
-             fmt::format("camera {}: {} is known to {:.1f} % only; take images at different distances and tilts, or "
-                         "give a calibration",
-                         camera.name, names[static_cast<std::size_t>(k)], 100.0 * relative)});
-      }
-    }
-    if (!flat) continue;
-    std::vector<double> rolls;
-    for (std::size_t i = 0; i < survey.images.size(); ++i) {
-      if (survey.camera_of_image[i] != static_cast<int>(c) || !state.poses[i]) continue;
-      const Eigen::Vector3d right = state.poses[i]->rotation * Eigen::Vector3d::UnitX();
-      rolls.push_back(std::atan2(right.y(), right.x()));
-    }
-    bool rolled = false;
-    for (const double a : rolls) {
-      for (const double b : rolls) rolled = rolled || std::abs(std::remainder(a - b, 2.0 * std::numbers::pi)) > kRolled_rad;
-    }
-    if (!rolled) {
-      result.warnings.push_back(
-          {"planar_not_rolled", camera.name,
-           fmt::format("the points are flat and camera {} was never rolled about its axis: its principal point leans "
-                       "on the tilted images alone. Take some images turned by 90 degrees",
-                       camera.name)});
-    }
   }
 }
 
@@ -200,6 +137,7 @@ void diagnose(const Survey& survey, const AdjustOptions& options, const State& s
   about_scale(result);
   about_control(result);
   about_lenses(survey, state, result);
+  about_views(survey, result);
   about_images(result);
   about_points(result);
   about_uncoded(result);

@@ -166,8 +166,8 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
       const int observations = rows.row_count();
       const int unknowns = parameters.size();
       const int redundancy = observations - unknowns + static_cast<int>(equations->null_space().cols());
-      return Estimate{std::move(network), std::move(rows), std::move(*equations), square_sum, observations,
-                      unknowns,           redundancy};
+      return Estimate{
+          std::move(network), std::move(rows), std::move(*equations), square_sum, observations, unknowns, redundancy, moved};
     }
     if (moved > 2.0 * last && !minimised) {
       network.model.blocks = start;

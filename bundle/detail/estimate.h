@@ -20,7 +20,8 @@ struct Estimate {
   double square_sum = 0.0;  ///< v'Pv
   int observations = 0;
   int unknowns = 0;
-  int redundancy = 0;  ///< observations - unknowns + free directions
+  int redundancy = 0;      ///< observations - unknowns + free directions
+  double last_step = 0.0;  ///< |J dx| of the step at which it ended, in sigmas of the whole network
 
   [[nodiscard]] double sigma0() const;
   /// Of each group, whitened; computed when they are first asked for.

@@ -119,8 +119,7 @@ bool Growth::good() const {
 }
 
 int Growth::oriented() const {
-  return static_cast<int>(
-      std::count_if(state_.poses.begin(), state_.poses.end(), [](const auto& p) { return p.has_value(); }));
+  return static_cast<int>(std::count_if(state_.poses.begin(), state_.poses.end(), [](const auto& p) { return p.has_value(); }));
 }
 
 int Growth::known_points() const {
@@ -152,8 +151,7 @@ void Growth::triangulate(Which which) {
     if (which == Which::kUnknown && state_.points[p]) continue;
     std::vector<int> candidates;
     for (const int r : survey_.rays_of_point[p]) {
-      const bool has_pose =
-          state_.poses[static_cast<std::size_t>(survey_.rays[static_cast<std::size_t>(r)].image)].has_value();
+      const bool has_pose = state_.poses[static_cast<std::size_t>(survey_.rays[static_cast<std::size_t>(r)].image)].has_value();
       if (state_.active[static_cast<std::size_t>(r)] && has_pose) candidates.push_back(r);
     }
     const auto found = detail::triangulate(survey_, state_, directions_, candidates, tolerance_px_, kStartAngle_rad);

@@ -10,8 +10,9 @@
 
 namespace crosstie::bundle::detail {
 
-inline constexpr int kLeastStartPoints = 6;         ///< that a starting pair must have in common
-inline constexpr double kLensTolerance_rad = 0.02;  ///< what an unknown lens may bend a direction by, and what a guess of f leaves
+inline constexpr int kLeastStartPoints = 6;  ///< that a starting pair must have in common
+inline constexpr double kLensTolerance_rad =
+    0.02;  ///< what an unknown lens may bend a direction by, and what a guess of f leaves
 
 /// One attempt at building a network up from a pair of images: resection, triangulation, a robust bundle in between; lens
 /// parameters are freed step by step as images of their camera come in.

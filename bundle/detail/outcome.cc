@@ -9,6 +9,8 @@
 #include <Eigen/Cholesky>
 
 #include "bundle/detail/frame.h"
+#include "bundle/detail/rank.h"
+#include "bundle/detail/summary.h"
 #include "bundle/detail/triangulate.h"
 #include "math/cofactors.h"
 #include "math/distributions.h"
@@ -191,6 +193,10 @@ void add_residuals(const Survey& survey, const Estimate& at, const Weights& weig
     ++point.rays;
     ++count;
     point.max_w = std::max(point.max_w, observation.w);
+    const double least = observation.redundancy.minCoeff();
+    point.least_redundancy = point.rays == 1 ? least : std::min(point.least_redundancy, least);
+    image.max_px = std::max(image.max_px, std::sqrt(square));
+    point.max_px = std::max(point.max_px, std::sqrt(square));
     result.residuals.push_back(observation);
   }
   for (auto& image : result.images) image.rms_px = std::sqrt(image.rms_px / std::max(1, image.rays));
@@ -244,7 +250,13 @@ Result<AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& 
   result.conditions = static_cast<int>(at.equations.null_space().cols());
   result.redundancy = at.redundancy;
   result.chi2_p = at.redundancy > 0 ? math::chi_square_two_sided(at.square_sum, at.redundancy) : 1.0;
+  count_observations(at, result);
+  count_unknowns(at, result);
   result.iterations = state.iterations;
+  result.last_step = at.last_step;
+  result.structural_rank = structural_rank(at.rows, at.equations.parameters());
+  // The normal equations were refused if one more eigenvalue were zero.
+  result.rank = at.unknowns - result.conditions;
   std::tie(result.least_eigenvalue, result.weakest) = at.equations.weakest();
   // Without redundancy there is nothing to judge the a priori sigmas by: they are taken as they are.
   const double variance = at.redundancy > 0 ? result.sigma0 * result.sigma0 : 1.0;
@@ -252,6 +264,8 @@ Result<AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& 
   add_cameras(survey, state, at, *cofactors, variance, result);
   const Places places = add_images_and_points(survey, state, at, *cofactors, variance, result);
   add_residuals(survey, at, weights, places, result);
+  add_coverage(result);
+  add_significance(at, result);
   add_rigs(survey, state, at, *cofactors, variance, result);
   add_bars(survey, state, at, *cofactors, variance, result);
   add_control(survey, state, at, result);

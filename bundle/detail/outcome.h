@@ -14,9 +14,9 @@ namespace crosstie::bundle::detail {
 base::Result<base::AdjustedNetwork> make_outcome(const Survey& survey, const AdjustOptions& options, const State& state,
                                                  const Estimate& at, const Weights& weights, const Reasons& reasons);
 
-/// Warnings about what weakens the network: few rays, small angles, one bar, contradicting bars, correlated or hardly
-/// determined lens parameters, flat points without rolled images, images on few rays, uncontrolled observations, an a priori
-/// sigma that the residuals contradict.
+/// Warnings about what weakens the network; what its parts look at stands in diagnose.h. Besides: few rays, small angles, one
+/// bar, contradicting bars and control points, uncontrolled observations, moved points, images left out, an a priori sigma that
+/// the residuals contradict.
 void diagnose(const Survey& survey, const AdjustOptions& options, const State& state, const Estimate& at,
               const Weights& weights, base::AdjustedNetwork& result);
 

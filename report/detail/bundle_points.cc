@@ -1,7 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <map>
 #include <numbers>
 
 #include <fmt/format.h>
@@ -22,7 +20,8 @@ constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr std::size_t kMaxRows = 3000;
 constexpr int kFewRays = 3;  // below: nothing tells a blunder from a point
 constexpr double kFlatAngle_rad = 20.0 / kDegrees;
-constexpr double kLargeW = 3.29;  // 0.1 % two-sided
+constexpr double kLargeW = 3.29;        // 0.1 % two-sided
+constexpr double kUncontrolled = 0.05;  // redundancy number
 
 }  // namespace
 
@@ -32,7 +31,8 @@ std::vector<PlanPoint> plan_points(const AdjustedNetwork& network) {
     const Eigen::Vector3d sigma = point.cov_mm2.diagonal().cwiseMax(0.0).cwiseSqrt();
     points.push_back({point.id, point.xyz_mm, point.cov_mm2, Eigen::Vector3d::Zero(),
                       fmt::format("point {}: sigma x {}, y {}, z {} mm", point.id, significant(sigma.x(), 2),
-                                  significant(sigma.y(), 2), significant(sigma.z(), 2))});
+                                  significant(sigma.y(), 2), significant(sigma.z(), 2)),
+                      point.kind != "coded"});
   }
   return points;
 }
@@ -46,13 +46,15 @@ double ellipse_magnification(const AdjustedNetwork& network) {
 std::string bundle_plan_section(const AdjustedNetwork& network) {
   const std::vector<PlanPoint> points = plan_points(network);
   const double magnification = ellipse_magnification(network);
+  const bool any_hollow = std::any_of(points.begin(), points.end(), [](const PlanPoint& point) { return point.hollow; });
+  const char* rings = any_hollow ? " Rings: targets without a code." : "";
   std::vector<std::string> list;
   for (const auto& [horizontal, vertical] : plan_axes(points)) {
     const std::string name = fmt::format("{}{}", "xyz"[horizontal], "xyz"[vertical]);
     list.push_back(figure(plan_view(points, fmt::format("Plan view {}", name),
                                     {.horizontal = horizontal, .vertical = vertical, .magnification = magnification}),
-                          fmt::format("Points in {} with their one-sigma error ellipses, magnified {} times.", name,
-                                      significant(magnification, 2))));
+                          fmt::format("Points in {} with their one-sigma error ellipses, magnified {} times.{}", name,
+                                      significant(magnification, 2), rings)));
   }
   std::vector<int> rays;
   std::vector<int> angles;
@@ -67,23 +69,21 @@ std::string bundle_plan_section(const AdjustedNetwork& network) {
   return figures(list);
 }
 
-std::string bundle_points_section(const AdjustedNetwork& network) {
-  if (network.points.empty()) return paragraph("There is no adjusted point.");
+namespace {
+
+/// Coordinates and how well they are known.
+std::string coordinates_table(const AdjustedNetwork& network) {
   std::vector<double> sigmas_mm;
-  std::vector<double> rms_px;
   for (const AdjustedPoint& point : network.points) {
     for (Eigen::Index axis = 0; axis < 3; ++axis) sigmas_mm.push_back(std::sqrt(std::max(0.0, point.cov_mm2(axis, axis))));
-    rms_px.push_back(point.rms_px);
   }
   const int decimals = decimals_for_column(sigmas_mm, 4);
   const LengthUnit unit = unit_for_lengths(sigmas_mm);
   for (double& sigma : sigmas_mm) sigma *= unit.per_mm;
   const int sigma_decimals = decimals_for_column(sigmas_mm, 4);
-  const int px_decimals = decimals_for_column(rms_px, 3);
   HtmlTable table(
-      fmt::format("Adjusted coordinates in the network's frame with standard deviations. U is twice the standard deviation in "
-                  "the worst direction (k = 2). Marked: fewer than {} rays, angles below 20\u00b0, w above {}.",
-                  kFewRays, kLargeW),
+      "Adjusted coordinates in the network's frame, standard deviations s, expanded uncertainties U = 2 s (k = 2), and the "
+      "semi-axes of the one-sigma ellipsoid. The full covariances stand in points.csv.",
       {{"Id", ""},
        {"Kind", "", "", false},
        {"x", "mm"},
@@ -92,86 +92,64 @@ std::string bundle_points_section(const AdjustedNetwork& network) {
        {"sx", unit.name},
        {"sy", unit.name},
        {"sz", unit.name},
-       {"U", unit.name, "expanded uncertainty in the worst direction, k = 2"},
-       {"Rays", ""},
-       {"Angle", "\u00b0", "largest angle between two rays"},
-       {"rms", "px", "sqrt(sum of squared residuals / rays)"},
-       {"max w", "", "largest standardised residual of its image points"}});
+       {"Ux", unit.name, "k = 2"},
+       {"Uy", unit.name, "k = 2"},
+       {"Uz", unit.name, "k = 2"},
+       {"a", unit.name, "longest semi-axis of the ellipsoid"},
+       {"b", unit.name},
+       {"c", unit.name, "shortest semi-axis of the ellipsoid"}});
   table.limit_rows(kMaxRows, "points.csv");
   for (const AdjustedPoint& point : network.points) {
     std::vector<Cell> row = {number_cell(std::to_string(point.id), point.id), text_cell(point.kind)};
+    const auto add = [&](double value) { row.push_back(number_cell(fixed(value, sigma_decimals), value)); };
     for (Eigen::Index axis = 0; axis < 3; ++axis)
       row.push_back(number_cell(fixed(point.xyz_mm(axis), decimals), point.xyz_mm(axis)));
-    for (Eigen::Index axis = 0; axis < 3; ++axis) {
-      const double sigma = std::sqrt(std::max(0.0, point.cov_mm2(axis, axis))) * unit.per_mm;
-      row.push_back(number_cell(fixed(sigma, sigma_decimals), sigma));
-    }
-    const double u = 2.0 * largest_sigma(point.cov_mm2) * unit.per_mm;
-    row.push_back(number_cell(fixed(u, sigma_decimals), u));
-    row.push_back(number_cell(std::to_string(point.rays), point.rays, point.rays < kFewRays ? "warning" : ""));
-    row.push_back(
-        number_cell(fixed(point.angle_rad * kDegrees, 1), point.angle_rad, point.angle_rad < kFlatAngle_rad ? "warning" : ""));
-    row.push_back(number_cell(fixed(point.rms_px, px_decimals), point.rms_px));
-    row.push_back(number_cell(fixed(point.max_w, 2), point.max_w, point.max_w > kLargeW ? "warning" : ""));
+    const Eigen::Vector3d sigma = point.cov_mm2.diagonal().cwiseMax(0.0).cwiseSqrt() * unit.per_mm;
+    for (const double one : sigma) add(one);
+    for (const double one : sigma) add(2.0 * one);
+    const Eigen::Matrix3d axes = ellipsoid_axes(point.cov_mm2) * unit.per_mm;  // ascending
+    for (Eigen::Index k = 2; k >= 0; --k) add(axes.col(k).norm());
     table.add_row(std::move(row), fmt::format("p-{}", point.id));
   }
   return table.html();
 }
 
-std::string bundle_images_section(const AdjustedNetwork& network) {
-  if (network.images.empty()) return paragraph("There is no adjusted image.");
-  std::map<int, std::pair<Eigen::Vector2d, Eigen::Vector2d>> boxes;
-  for (const base::AdjustedObservation& one : network.residuals) {
-    const auto [at, fresh] = boxes.try_emplace(one.image, one.measured_px, one.measured_px);
-    at->second.first = at->second.first.cwiseMin(one.measured_px);
-    at->second.second = at->second.second.cwiseMax(one.measured_px);
-  }
-  std::vector<double> sigmas_mm;
-  std::vector<double> angles_mrad;
+/// What determines and controls them.
+std::string control_table(const AdjustedNetwork& network) {
   std::vector<double> rms_px;
-  for (const base::AdjustedImage& image : network.images) {
-    sigmas_mm.push_back(largest_sigma(base::position_covariance(image.network_from_camera, image.cov)));
-    angles_mrad.push_back(1e3 * largest_sigma(image.cov.topLeftCorner<3, 3>()));
-    rms_px.push_back(image.rms_px);
-  }
-  const int decimals = decimals_for_column(sigmas_mm, 3);
-  const int angle_decimals = decimals_for_column(angles_mrad, 4);
-  const int px_decimals = decimals_for_column(rms_px, 3);
+  for (const AdjustedPoint& point : network.points) rms_px.push_back(point.rms_px);
+  const int decimals = decimals_for_column(rms_px, 3);
   HtmlTable table(
-      "Projection centres in the network's frame. Sigmas are those of the worst direction, of position and of rotation; "
-      "covered is the share of the image inside the rectangle round its points.",
-      {{"Image", "", "", false},
-       {"Camera", "", "", false},
-       {"Points", ""},
-       {"Covered", "%"},
-       {"rms", "px"},
-       {"x", "mm"},
-       {"y", "mm"},
-       {"z", "mm"},
-       {"Sigma position", "mm"},
-       {"U", "mm", "k = 2"},
-       {"Sigma rotation", "mrad"}});
-  table.limit_rows(kMaxRows, "images.csv");
-  for (std::size_t i = 0; i < network.images.size(); ++i) {
-    const base::AdjustedImage& image = network.images[i];
-    double covered = 0.0;
-    const auto box = boxes.find(static_cast<int>(i));
-    const auto camera =
-        std::find_if(network.cameras.begin(), network.cameras.end(), [&](const auto& c) { return c.name == image.camera; });
-    if (box != boxes.end() && camera != network.cameras.end()) {
-      const Eigen::Vector2d size = box->second.second - box->second.first;
-      covered = 100.0 * size.x() * size.y() / (static_cast<double>(camera->camera.width_px()) * camera->camera.height_px());
-    }
-    const Eigen::Vector3d& centre = image.network_from_camera.translation_mm;
-    table.add_row({text_cell(image.name), text_cell(image.camera), number_cell(std::to_string(image.rays), image.rays),
-                   number_cell(fixed(covered, 0), covered), number_cell(fixed(image.rms_px, px_decimals), image.rms_px),
-                   number_cell(fixed(centre.x(), decimals), centre.x()), number_cell(fixed(centre.y(), decimals), centre.y()),
-                   number_cell(fixed(centre.z(), decimals), centre.z()),
-                   number_cell(fixed(sigmas_mm[i], decimals), sigmas_mm[i]),
-                   number_cell(fixed(2.0 * sigmas_mm[i], decimals), sigmas_mm[i]),
-                   number_cell(fixed(angles_mrad[i], angle_decimals), angles_mrad[i])});
+      fmt::format("What determines each point and how well its image points control each other. Marked: fewer than {} rays, "
+                  "angles below 20\u00b0, w above {}, redundancy below {}: a blunder there would hardly show.",
+                  kFewRays, kLargeW, kUncontrolled),
+      {{"Id", ""},
+       {"Kind", "", "", false},
+       {"Rays", ""},
+       {"Angle", "\u00b0", "largest angle between two rays"},
+       {"rms", "px", "sqrt(sum of squared residuals / rays)"},
+       {"max", "px", "its longest residual"},
+       {"max w", "", "largest standardised residual of its image points"},
+       {"Redundancy", "", "least redundancy number of its image coordinates: 0 uncontrolled, 1 fully controlled"}});
+  table.limit_rows(kMaxRows, "points.csv");
+  for (const AdjustedPoint& point : network.points) {
+    table.add_row(
+        {number_cell(std::to_string(point.id), point.id), text_cell(point.kind),
+         number_cell(std::to_string(point.rays), point.rays, point.rays < kFewRays ? "warning" : ""),
+         number_cell(fixed(point.angle_rad * kDegrees, 1), point.angle_rad, point.angle_rad < kFlatAngle_rad ? "warning" : ""),
+         number_cell(fixed(point.rms_px, decimals), point.rms_px), number_cell(fixed(point.max_px, decimals), point.max_px),
+         number_cell(fixed(point.max_w, 2), point.max_w, point.max_w > kLargeW ? "warning" : ""),
+         number_cell(fixed(point.least_redundancy, 3), point.least_redundancy,
+                     point.least_redundancy < kUncontrolled ? "warning" : "")});
   }
   return table.html();
+}
+
+}  // namespace
+
+std::string bundle_points_section(const AdjustedNetwork& network) {
+  if (network.points.empty()) return paragraph("There is no adjusted point.");
+  return coordinates_table(network) + control_table(network);
 }
 
 }  // namespace crosstie::report::detail

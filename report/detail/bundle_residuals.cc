@@ -67,9 +67,10 @@ std::string bundle_residuals_section(const AdjustedNetwork& network) {
   html += "<h3>Are the predicted sigmas true?</h3>\n";
   html += figures(
       {figure(
-           histogram(normalised, "Normalised residuals", "residual over its own sigma",
+           histogram(normalised, "Standardised residuals w", "w = residual over its own sigma",
                      {{1.0, "as predicted"}, {network.sigma0, fmt::format("with sigma0 = {}", significant(network.sigma0))}}),
-           "Each image coordinate's residual over the sigma that the detector's sigma and the network's geometry predict for "
+           "w of each image coordinate: its residual over the sigma that the detector's sigma and the network's geometry "
+           "predict for "
            "it."),
        figure(normal_quantile_plot(normalised, "Normal quantiles of the normalised residuals", "residual over its own sigma"),
               "On the line: normal and as large as predicted. Bent ends: blunders or heavy tails.")});

@@ -18,7 +18,14 @@ std::string bundle_images_section(const base::AdjustedNetwork& network);
 std::string bundle_cameras_section(const base::AdjustedNetwork& network);
 std::string bundle_residuals_section(const base::AdjustedNetwork& network);
 std::string bundle_scale_section(const base::AdjustedNetwork& network);
+std::string bundle_rigs_section(const base::AdjustedNetwork& network);
+std::string bundle_control_section(const base::AdjustedNetwork& network);
 std::string bundle_rejected_section(const base::AdjustedNetwork& network);
+
+/// sigma0 has the relative standard deviation 1 / sqrt(2 r) for r degrees of freedom.
+double relative_sigma_of_sigma0(const base::AdjustedNetwork& network);
+/// Whether the sigmas were taken from the residuals themselves: the adjustment warns of it.
+bool sigmas_were_adapted(const base::AdjustedNetwork& network);
 
 /// Points with their ellipses as the plan views draw them.
 std::vector<PlanPoint> plan_points(const base::AdjustedNetwork& network);

@@ -142,7 +142,7 @@ std::string HtmlTable::html() const {
                            counted(static_cast<long long>(rows_.size())), escape(where_all_are_));
   }
   std::string html = fmt::format(
-      "<div class=\"table\" role=\"region\" tabindex=\"0\" aria-label=\"{}\"><table><caption>{}</caption>\n"
+      "<div class=\"table\" role=\"region\" tabindex=\"0\" aria-label=\"{}\"><table><caption><span>{}</span></caption>\n"
       "<thead><tr>",
       escape(caption_), caption);
   for (const Column& column : columns_) {

@@ -5,13 +5,13 @@
 
 #include <fmt/format.h>
 
+#include "base/image_coverage.h"
 #include "report/detail/number.h"
 #include "report/detail/plot.h"
 
 namespace crosstie::report::detail {
 namespace {
 
-constexpr int kCellsAcross = 12;
 constexpr int kFewestForMean = 3;
 constexpr std::size_t kMaxArrows = 6000;
 
@@ -25,20 +25,16 @@ struct Grid {
 };
 
 Grid make_grid(const std::vector<ImagePoint>& points, const ImageSize& size) {
-  Grid grid;
-  const double width = std::max(1, size.width_px);
-  const double height = std::max(1, size.height_px);
-  grid.columns = kCellsAcross;
-  grid.rows = std::clamp(static_cast<int>(std::lround(kCellsAcross * height / width)), 1, 4 * kCellsAcross);
-  grid.cell_x = width / grid.columns;
-  grid.cell_y = height / grid.rows;
-  grid.count.assign(static_cast<std::size_t>(grid.columns * grid.rows), 0);
-  grid.sum.assign(grid.count.size(), Eigen::Vector2d::Zero());
+  const base::ImageCells cells(size.width_px, size.height_px);
+  Grid grid{cells.columns(),
+            cells.rows(),
+            std::vector<int>(cells.size(), 0),
+            std::vector<Eigen::Vector2d>(cells.size(), Eigen::Vector2d::Zero()),
+            cells.cell_px().x(),
+            cells.cell_px().y()};
   for (const ImagePoint& point : points) {
     if (!point.at_px.allFinite() || !point.residual_px.allFinite()) continue;
-    const int column = static_cast<int>(std::clamp(std::floor((point.at_px.x() + 0.5) / grid.cell_x), 0.0, grid.columns - 1.0));
-    const int row = static_cast<int>(std::clamp(std::floor((point.at_px.y() + 0.5) / grid.cell_y), 0.0, grid.rows - 1.0));
-    const auto cell = static_cast<std::size_t>(row * grid.columns + column);
+    const std::size_t cell = cells.cell_of(point.at_px);
     ++grid.count[cell];
     grid.sum[cell] += point.residual_px;
   }

@@ -51,6 +51,8 @@ std::string plain(double value, int digits) {
   return text;
 }
 
+std::string probability(double p) { return p < 1e-4 ? "< 0.0001" : "= " + significant(p, 2); }
+
 std::string counted(long long value) {
   std::string digits = std::to_string(std::abs(value));
   for (auto at = static_cast<std::ptrdiff_t>(digits.size()) - 3; at > 0; at -= 3) {

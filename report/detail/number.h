@@ -17,6 +17,9 @@ std::string significant(double value, int digits = 3);
 /// Significant digits without trailing zeros: for values that people set, like limits.
 std::string plain(double value, int digits = 4);
 
+/// "= 0.021", or "< 0.0001" where it is smaller: what stands after "p".
+std::string probability(double p);
+
 /// A count with thin spaces between thousands: "19 945".
 std::string counted(long long value);
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <vector>
 
 #include <fmt/format.h>
 #include <Eigen/Eigenvalues>
@@ -14,7 +14,8 @@ namespace crosstie::report::detail {
 namespace {
 
 constexpr double kWidth_px = 560.0;
-constexpr double kLabelCell_px = 24.0;
+constexpr double kDigit_px = 5.6;  // of a label, and its height
+constexpr double kLabelHeight_px = 9.0;
 constexpr std::size_t kMaxLabels = 300;
 constexpr double kWantedFraction = 1.0 / 16.0;
 
@@ -22,6 +23,12 @@ struct Extent {
   Eigen::Vector3d low = Eigen::Vector3d::Zero();
   Eigen::Vector3d high = Eigen::Vector3d::Zero();
 };
+
+/// How far a point's ellipse reaches along each axis as it is drawn; a wild one does not take the room of the others.
+Eigen::Vector3d reach(const PlanPoint& point, const PlanOptions& options, double most_mm) {
+  if (!options.ellipses || !point.cov_mm2.allFinite()) return Eigen::Vector3d::Zero();
+  return (options.magnification * point.cov_mm2.diagonal().cwiseMax(0.0).cwiseSqrt()).cwiseMin(most_mm);
+}
 
 Extent extent(const std::vector<PlanPoint>& points) {
   Extent box;
@@ -54,6 +61,27 @@ void draw_ellipse(Plot& plot, const PlanPoint& point, const PlanOptions& options
   plot.svg().ellipse(plot.x_px(point.xyz_mm(options.horizontal)), plot.y_px(point.xyz_mm(options.vertical)), semi(1), semi(0),
                      -std::atan2(major.y(), major.x()), "ellipse", point.tooltip);
 }
+
+/// Where labels stand already, so that none is written over another.
+class Labels {
+ public:
+  /// Whether a text that begins at (x, y) is free of the others; it is taken then.
+  bool take(double x, double y, std::size_t digits) {
+    const double width = kDigit_px * static_cast<double>(digits);
+    for (const Box& box : taken_) {
+      if (x < box.x + box.width && box.x < x + width && std::abs(y - box.y) < kLabelHeight_px) return false;
+    }
+    if (taken_.size() >= kMaxLabels) return false;
+    taken_.push_back({x, y, width});
+    return true;
+  }
+
+ private:
+  struct Box {
+    double x, y, width;
+  };
+  std::vector<Box> taken_;
+};
 
 /// How long a magnified millimetre or micrometre is.
 void draw_key(Plot& plot, const PlanOptions& options) {
@@ -89,8 +117,15 @@ std::vector<std::pair<int, int>> plan_axes(const std::vector<PlanPoint>& points)
 }
 
 std::string plan_view(const std::vector<PlanPoint>& points, std::string_view title, const PlanOptions& options) {
-  const Extent box = extent(points);
-  const double margin = 0.06 * std::max(1e-6, (box.high - box.low).maxCoeff());
+  Extent box = extent(points);
+  const double size = std::max(1e-6, (box.high - box.low).maxCoeff());
+  const double margin = 0.06 * size;
+  for (const PlanPoint& point : points) {
+    if (!point.xyz_mm.allFinite()) continue;
+    const Eigen::Vector3d around = reach(point, options, 0.4 * size) - Eigen::Vector3d::Constant(0.6 * margin);
+    box.low = box.low.cwiseMin(point.xyz_mm - around);
+    box.high = box.high.cwiseMax(point.xyz_mm + around);
+  }
   const auto axis = [&](int which) { return make_axis(box.low(which) - margin, box.high(which) + margin, 6, false); };
   const std::string names = "xyz";
   Plot plot(
@@ -99,22 +134,21 @@ std::string plan_view(const std::vector<PlanPoint>& points, std::string_view tit
       fmt::format("{} [mm]", names[static_cast<std::size_t>(options.horizontal)]),
       fmt::format("{} [mm]", names[static_cast<std::size_t>(options.vertical)]), {.width_px = kWidth_px, .equal_scale = true});
   draw_key(plot, options);
-  std::set<std::pair<long, long>> taken;
+  Labels labels;
   for (const PlanPoint& point : points) {
     const double x = plot.x_px(point.xyz_mm(options.horizontal));
     const double y = plot.y_px(point.xyz_mm(options.vertical));
     if (!std::isfinite(x) || !std::isfinite(y)) continue;
     if (options.ellipses) draw_ellipse(plot, point, options);
-    plot.point(point.xyz_mm(options.horizontal), point.xyz_mm(options.vertical), "dot", "", point.tooltip, 1.6);
+    plot.point(point.xyz_mm(options.horizontal), point.xyz_mm(options.vertical), point.hollow ? "ring" : "dot", "",
+               point.tooltip, point.hollow ? 2.2 : 1.6);
     if (options.arrows) {
       const double scale = options.magnification * plot.scale_x();
       plot.svg().arrow(x, y, x + scale * point.deviation_mm(options.horizontal),
                        y - scale * point.deviation_mm(options.vertical), "arrow");
     }
-    const std::pair<long, long> cell(std::lround(x / kLabelCell_px), std::lround(y / (0.6 * kLabelCell_px)));
-    if (taken.size() < kMaxLabels && taken.insert(cell).second) {
-      plot.svg().text(x + 4.0, y - 4.0, std::to_string(point.id), "start", "id");
-    }
+    const std::string id = std::to_string(point.id);
+    if (labels.take(x + 4.0, y - 4.0, id.size())) plot.svg().text(x + 4.0, y - 4.0, id, "start", "id");
   }
   return plot.str();
 }

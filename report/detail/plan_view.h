@@ -15,6 +15,7 @@ struct PlanPoint {
   Eigen::Matrix3d cov_mm2 = Eigen::Matrix3d::Zero();
   Eigen::Vector3d deviation_mm = Eigen::Vector3d::Zero();
   std::string tooltip;
+  bool hollow = false;  ///< a ring in place of the dot: a target without a code
 };
 
 struct PlanOptions {

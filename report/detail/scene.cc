@@ -148,16 +148,17 @@ std::string network_scene(const AdjustedNetwork& network, double magnification) 
     if (!point.xyz_mm.allFinite()) continue;
     by_id.emplace(point.id, point.xyz_mm);
     values.push_back(sigmas[i] * unit.per_mm);
-    std::vector<std::string> about = {fmt::format("Point {}", point.id)};
+    const bool coded = point.kind == "coded";
+    std::vector<std::string> about = {fmt::format("Point {}{}", point.id, coded ? "" : fmt::format(" ({})", point.kind))};
     for (Eigen::Index axis = 0; axis < 3; ++axis) {
       about.push_back(
           fmt::format("{} = {}", "xyz"[axis], with_sigma(point.xyz_mm(axis), std::sqrt(point.cov_mm2(axis, axis)), "mm")));
     }
     about.push_back(
         fmt::format("{} rays, largest angle {}\u00b0", point.rays, fixed(point.angle_rad * 180.0 / std::numbers::pi, 0)));
-    points.push_back(fmt::format("{{\"id\":\"{}\",\"p\":{},\"axes\":{},\"value\":{},\"about\":{},\"seen\":{}}}", point.id,
+    points.push_back(fmt::format("{{\"id\":\"{}\",\"p\":{},\"axes\":{},\"value\":{},\"about\":{},\"seen\":{}{}}}", point.id,
                                  triple(point.xyz_mm), axes_list(ellipsoid_axes(point.cov_mm2)), number(values.back()),
-                                 quoted_list(about), list(seen[i])));
+                                 quoted_list(about), list(seen[i]), coded ? "" : ",\"ring\":true"));
   }
   std::vector<std::string> cameras;
   for (const AdjustedImage& image : network.images) {

@@ -32,7 +32,8 @@ AdjustedNetwork some_network() {
   network.sigma0 = 1.25;
   Camera camera = *Camera::nominal(LensModel::kOpenCv5, 640, 480, 800.0);
   camera.set_covariance(Eigen::MatrixXd::Identity(9, 9) * 0.25);
-  network.cameras.push_back({"left", camera, true});
+  network.cameras.push_back({"left", camera, true, 0.75, Eigen::VectorXd::Constant(9, std::nan(""))});
+  network.cameras.back().significance_p(8) = 0.25;
   AdjustedImage image;
   image.name = "a";
   image.camera = "left";
@@ -87,6 +88,12 @@ TEST(ResultDocument, AdjustHasThePromisedKeys) {
   const Json json = network_json(some_network());
   expect_keys(json, {"datum", "sigma0", "sigma0_px", "observations", "unknowns", "conditions", "redundancy", "chi2_p",
                      "iterations", "points", "images", "cameras", "scale_bars", "rejected"});
+  expect_keys(json, {"observed", "estimated", "last_step", "structural_rank", "rank"});
+  EXPECT_EQ(json["cameras"][0]["coverage"], 0.75);
+  ASSERT_EQ(json["cameras"][0]["significance_p"].size(), 9U);
+  EXPECT_TRUE(json["cameras"][0]["significance_p"][7].is_null());
+  EXPECT_EQ(json["cameras"][0]["significance_p"][8], 0.25);
+  expect_keys(json["points"][0], {"max_px", "max_w", "least_redundancy"});
   expect_keys(json["points"][0], {"id", "kind", "xyz_mm", "cov_mm2", "rays", "angle_rad"});
   expect_keys(json["images"][0], {"name", "camera", "network_from_camera", "cov", "rms_px", "rays"});
   expect_keys(json["cameras"][0], {"name", "model", "params", "sigmas"});

@@ -1,6 +1,7 @@
 #include "math/distributions.h"
 
 #include <cmath>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
@@ -42,6 +43,15 @@ TEST(Distributions, OutsideTheirDomainTheyAreNotANumber) {
   EXPECT_TRUE(std::isnan(normal_quantile(0.0)));
   EXPECT_TRUE(std::isnan(chi_square_quantile(1.0, 3)));
   EXPECT_TRUE(std::isnan(student_quantile(0.5, -1)));
+}
+
+TEST(Distributions, StudentTwoSidedKeepsTheDigitsOfSmallProbabilities) {
+  EXPECT_NEAR(student_two_sided(-2.57058183564, 5), 0.05, 1e-10);
+  EXPECT_EQ(student_two_sided(0.0, 7), 1.0);
+  EXPECT_NEAR(student_two_sided(1.0, 1), 0.5, 1e-14);  // Cauchy
+  EXPECT_NEAR(student_two_sided(1e9, 1) * 0.5e9 * std::numbers::pi, 1.0, 1e-8);
+  EXPECT_NEAR(student_two_sided(1.959963984540054, 1e7), 0.05, 1e-7);
+  EXPECT_TRUE(std::isnan(student_two_sided(1.0, 0)));
 }
 
 }  // namespace

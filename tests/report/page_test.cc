@@ -5,6 +5,7 @@
 
 #include "report/bundle_report.h"
 #include "report/detail/html.h"
+#include "report/detail/number.h"
 #include "report/detection_report.h"
 #include "tests/report/markup.h"
 #include "tests/report/synthetic_network.h"
@@ -70,6 +71,90 @@ TEST(BundleReport, IsSoundAndSaysWhatMatters) {
   EXPECT_EQ(count("<th "), count("scope=\"col\"") + count("scope=\"row\""));
   EXPECT_GT(count("<svg "), 10u);
   EXPECT_EQ(count("<svg "), count("role=\"img\" aria-label=\""));
+}
+
+/// The text of the cell in this column of the row that begins with `key`, in the first table after `section` that has it.
+std::string cell(const std::string& page, const std::string& section, const std::string& key, std::size_t column) {
+  const std::size_t at = page.find("<section id=\"" + section + "\"");
+  if (at == std::string::npos) return "no section";
+  const std::size_t row = page.find(">" + key + "</th>", at);
+  if (row == std::string::npos || row > page.find("</section>", at)) return "no row";
+  std::size_t td = row;
+  for (std::size_t c = 0; c < column; ++c) td = page.find("<td", td + 1);
+  const std::size_t begin = page.find('>', td) + 1;
+  return page.substr(begin, page.find('<', begin) - begin);
+}
+
+TEST(BundleReport, BalanceAndRankAreThoseOfTheResult) {
+  const AdjustedNetwork network = synthetic_network();
+  const std::string page = bundle_report(network, synthetic_context("adjust"));
+  const auto number = [](int value) { return detail::counted(value); };
+  EXPECT_EQ(cell(page, "adjustment", "Image points (IP)", 1), number(network.observed.image_coordinates));
+  EXPECT_EQ(cell(page, "adjustment", "Interior orientation (IO)", 1), "18");
+  EXPECT_EQ(cell(page, "adjustment", "Exterior orientation (EO)", 1), "144");
+  EXPECT_EQ(cell(page, "adjustment", "Object points (OP)", 1), "132");
+  EXPECT_EQ(cell(page, "adjustment", "Redundancy", 1), number(network.redundancy));
+  EXPECT_TRUE(tests::contains(page, "294 of 294 unknowns"));
+  EXPECT_TRUE(tests::contains(page, "288 = u \u2212 6 of the datum"));
+  EXPECT_TRUE(tests::contains(page, "camera left k2, camera left k3"));
+  EXPECT_TRUE(tests::contains(page, "3 shifts and 3 rotations")) << "what the datum fixes";
+}
+
+TEST(BundleReport, PointsShowEllipsoidAndControl) {
+  AdjustedNetwork network = synthetic_network();
+  network.points[0].cov_mm2 = Eigen::Vector3d(0.003, 0.002, 0.006).cwiseAbs2().asDiagonal();
+  network.points[0].least_redundancy = 0.03;
+  const std::string page = bundle_report(network, synthetic_context("adjust"));
+  EXPECT_EQ(cell(page, "points", "2", 5), "3.0");   // sx in micrometres
+  EXPECT_EQ(cell(page, "points", "2", 8), "6.0");   // U of it
+  EXPECT_EQ(cell(page, "points", "2", 11), "6.0");  // the longest semi-axis
+  EXPECT_EQ(cell(page, "points", "2", 13), "2.0");  // the shortest
+  EXPECT_TRUE(tests::contains(page, "class=\"n warning\" data-v=\"0.03\"")) << "an uncontrolled point is marked";
+}
+
+TEST(BundleReport, LensTermsCarryTheirSignificance) {
+  const std::string page = bundle_report(synthetic_network(), synthetic_context("adjust"));
+  EXPECT_EQ(cell(page, "cameras", "p1", 6), "0.0690");
+  EXPECT_EQ(cell(page, "cameras", "p1", 7), "not significant");
+  EXPECT_EQ(cell(page, "cameras", "k1", 6), "&lt; 0.0001");
+  EXPECT_EQ(cell(page, "cameras", "k1", 7), "significant");
+  EXPECT_EQ(cell(page, "cameras", "fx", 6), "") << "no test of a focal length";
+}
+
+TEST(BundleReport, RigsAndControlPoints) {
+  const AdjustedNetwork network = synthetic_network();
+  const std::string page = bundle_report(network, synthetic_context("adjust"));
+  EXPECT_TRUE(
+      tests::contains(page, detail::with_sigma(network.rigs[0].baseline_mm(), network.rigs[0].baseline_sigma_mm(), "mm")));
+  EXPECT_EQ(cell(page, "rigs", "right", 8), "-17.76169");  // -0.31 rad about y
+  EXPECT_EQ(cell(page, "rigs", "left", 4), "\u2013") << "the first camera defines the frame";
+  EXPECT_EQ(cell(page, "control", "7", 1), "0.012");
+  EXPECT_EQ(cell(page, "control", "7", 7), "4.20");
+  const std::string without = bundle_report({}, {});
+  EXPECT_FALSE(tests::contains(without, "id=\"rigs\""));
+  EXPECT_FALSE(tests::contains(without, "id=\"control\""));
+}
+
+TEST(BundleReport, TellsWhatWasLeftOutByReason) {
+  AdjustedNetwork network = synthetic_network();
+  network.rejected = {{"a", 31, "blunder: image point lies 0.31 px off", 18.4},
+                      {"b", 32, "blunder: image point lies 0.52 px off", 22.0},
+                      {"c", base::kNoId, "image not oriented: no coded marker was read in it", 0.0}};
+  network.uncoded = {40, 31, 8, {{"a", {1.0, 2.0}, true}, {"b", {1.0, 2.0}, false}}};
+  const std::string page = bundle_report(network, synthetic_context("adjust"));
+  EXPECT_EQ(cell(page, "rejected", "blunder", 1), "2");
+  EXPECT_EQ(cell(page, "rejected", "blunder", 2), "31, 32");
+  EXPECT_EQ(cell(page, "rejected", "image not oriented", 1), "1");
+  EXPECT_TRUE(tests::contains(page, "Fit more than one target</dt><dd>1<"));
+}
+
+TEST(BundleReport, TargetsWithoutACodeAreDrawnAsRings) {
+  AdjustedNetwork network = synthetic_network();
+  EXPECT_FALSE(tests::contains(bundle_report(network, {}), "\"ring\":true}"));
+  network.points[3].kind = "uncoded";
+  const std::string page = bundle_report(network, {});
+  EXPECT_TRUE(tests::contains(page, "\"ring\":true}"));
+  EXPECT_TRUE(tests::contains(page, "class=\"ring\""));
 }
 
 TEST(BundleReport, SameInputGivesTheSameBytes) {

@@ -32,7 +32,8 @@ inline base::AdjustedNetwork synthetic_network(unsigned seed = 1) {
       correlation(i, j) = correlation(j, i) = r;
     }
     camera->set_covariance(sigma.asDiagonal() * correlation * sigma.asDiagonal());
-    network.cameras.push_back({name, *camera, true});
+    network.cameras.push_back({name, *camera, true, 0.81, Eigen::VectorXd::Constant(9, std::nan(""))});
+    network.cameras.back().significance_p.tail<5>() << 1e-30, 2e-12, 0.069, 3e-9, 0.0417;
   }
   for (int id = 2; id < 46; ++id) {
     base::AdjustedPoint point;
@@ -82,11 +83,15 @@ inline base::AdjustedNetwork synthetic_network(unsigned seed = 1) {
       ++point.rays;
       point.rms_px += one.residual_px.squaredNorm();
       point.max_w = std::max(point.max_w, one.w);
+      point.max_px = std::max(point.max_px, one.residual_px.norm());
+      point.least_redundancy = point.rays == 1 ? one.redundancy.x() : std::min(point.least_redundancy, one.redundancy.x());
+      image.max_px = std::max(image.max_px, one.residual_px.norm());
       sum += one.residual_px.squaredNorm();
       ++image.rays;
       network.residuals.push_back(one);
     }
     image.rms_px = std::sqrt(sum / std::max(1, image.rays));
+    image.coverage = 0.37;
     network.rms_px += sum;
     network.images.push_back(image);
   }
@@ -96,6 +101,13 @@ inline base::AdjustedNetwork synthetic_network(unsigned seed = 1) {
   network.unknowns = 2 * 9 + 6 * 24 + 3 * 44;
   network.conditions = 6;
   network.redundancy = network.observations - network.unknowns + network.conditions;
+  network.observed = {2 * static_cast<int>(network.residuals.size()), 1, 0, 0};
+  network.estimated = {2 * 9, 6 * 24, 0, 3 * 44};
+  network.structural_rank = network.unknowns;
+  network.rank = network.unknowns - network.conditions;
+  network.least_eigenvalue = 4e-6;
+  network.weakest = "camera left k2, camera left k3";
+  network.last_step = 3.1e-12;
   network.sigma0 = 1.04;
   network.sigma0_px = 0.0159;
   network.chi2_p = 0.021;
@@ -104,6 +116,15 @@ inline base::AdjustedNetwork synthetic_network(unsigned seed = 1) {
       {{2, 23, 1000.0184, 0.004, 23.5, 1.2e-6, base::ScaleBarRole::kUsed, "K-1187"}, 1000.0221, 0.0031, 0.61});
   network.scale_bars.push_back(
       {{24, 45, 700.1107, 0.004, 23.5, 1.2e-6, base::ScaleBarRole::kCheck, "K-1188"}, 700.1049, 0.0035, -1.2});
+  base::AdjustedRig rig{"head", 12, {{"left", {}, base::Matrix6d::Zero()}}};
+  base::AdjustedMount mount{"right",
+                            {Eigen::Quaterniond(Eigen::AngleAxisd(-0.31, Eigen::Vector3d::UnitY())), {412.5078, 3.1, 61.2}}};
+  base::Vector6d mount_sigma;
+  mount_sigma << 2e-5, 2e-5, 3e-5, 0.012, 0.014, 0.02;
+  mount.cov = mount_sigma.cwiseAbs2().asDiagonal();
+  rig.mounts.push_back(mount);
+  network.rigs.push_back(rig);
+  network.control.push_back({7, {0.0123, -0.0045, 0.0}, {0.01, 0.01, 0.0}, 4.2});
   network.rejected.push_back({"left_04", 31, "blunder", 18.4});
   network.rejected.push_back({"right_07", 72, "moved between images", 212.0});
   network.rejected.push_back({"right_09", 9, "one ray only", 0.0});

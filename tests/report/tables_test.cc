@@ -48,6 +48,16 @@ TEST_F(Tables, BundleTablesReadBackExactly) {
   EXPECT_EQ(read("images.csv").rows.size(), 24u);
   EXPECT_EQ(read("cameras.csv").rows.size(), 18u);
   EXPECT_EQ(read("scale_bars.csv").rows.size(), 2u);
+  EXPECT_EQ(*points.number(3, *points.column("max_px")), network.points[3].max_px);
+  EXPECT_EQ(*points.number(3, *points.column("least_redundancy")), network.points[3].least_redundancy);
+  const base::Table cameras = read("cameras.csv");
+  EXPECT_EQ(cameras.rows[0][*cameras.column("significance_p")], "") << "a focal length is not tested";
+  EXPECT_EQ(*cameras.number(6, *cameras.column("significance_p")), 0.069);
+  const base::Table rigs = read("rigs.csv");
+  ASSERT_EQ(rigs.rows.size(), 2u);
+  EXPECT_EQ(*rigs.number(1, *rigs.column("x_mm")), 412.5078);
+  EXPECT_DOUBLE_EQ(*rigs.number(1, *rigs.column("sigma_rotation_z_rad")), 3e-5);
+  EXPECT_EQ(*read("control.csv").number(0, 1), 0.0123);
   EXPECT_EQ(read("rejected.csv").rows[0][2], "blunder, \"gross\"");
 }
 
@@ -55,7 +65,7 @@ TEST_F(Tables, TablesWithoutRowsHaveTheirHeader) {
   ASSERT_TRUE(write_bundle_tables(folder_, {}));
   ASSERT_TRUE(write_verification_tables(folder_, {}));
   for (const char* name : {"points.csv", "images.csv", "cameras.csv", "residuals.csv", "scale_bars.csv", "rejected.csv",
-                           "deviations.csv", "lengths.csv"}) {
+                           "rigs.csv", "control.csv", "deviations.csv", "lengths.csv"}) {
     const base::Table table = read(name);
     EXPECT_TRUE(table.rows.empty()) << name;
     EXPECT_GE(table.columns.size(), 4u) << name;

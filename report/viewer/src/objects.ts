@@ -26,22 +26,27 @@ export function makePoints(scene: Scene): Points {
   const colours = scene.points.flatMap((point) => colourOf(fractionOf(scene, point.value)).toArray());
   geometry.setAttribute('position', new BufferAttribute(new Float32Array(scene.points.flatMap((point) => point.p)), 3));
   geometry.setAttribute('tint', new BufferAttribute(new Float32Array(colours), 3));
+  geometry.setAttribute('ring', new BufferAttribute(new Float32Array(scene.points.map((point) => (point.ring ? 1 : 0))), 1));
   const material = new ShaderMaterial({
     uniforms: { size: { value: 9 * Math.min(2, window.devicePixelRatio) } },
     vertexShader: `
       attribute vec3 tint;
+      attribute float ring;
       uniform float size;
       varying vec3 colour;
+      varying float hole;
       void main() {
         colour = tint;
+        hole = 0.26 * ring;
         gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
         gl_PointSize = size;
       }`,
     fragmentShader: `
       varying vec3 colour;
+      varying float hole;
       void main() {
         float r = length(gl_PointCoord - 0.5);
-        if (r > 0.5) discard;
+        if (r > 0.5 || r < hole) discard;
         gl_FragColor = vec4(colour * (r > 0.38 ? 0.55 : 1.0), 1.0);
         #include <colorspace_fragment>
       }`,
@@ -117,6 +122,25 @@ export function makeRays(scene: Scene, selected: number): LineSegments {
     colours.push(...colour.toArray(), ...colour.toArray());
   }
   return segments(positions, colours);
+}
+
+/** Every ray of every point: faint, since there are thousands. */
+export function makeAllRays(scene: Scene): LineSegments {
+  const colour = themeColour('--muted', '#888888');
+  const positions: number[] = [];
+  const colours: number[] = [];
+  for (const point of scene.points) {
+    for (const camera of point.seen) {
+      positions.push(...scene.cameras[camera]!.centre, ...point.p);
+      colours.push(...colour.toArray(), ...colour.toArray());
+    }
+  }
+  const lines = segments(positions, colours);
+  const material = lines.material as LineBasicMaterial;
+  material.transparent = true;
+  material.opacity = Math.max(0.04, Math.min(0.4, 250 / Math.max(1, positions.length / 6)));
+  material.depthWrite = false;
+  return lines;
 }
 
 /** Deviation arrows: a shaft and a four-sided head of lines, which stay visible at any zoom. */

@@ -3,7 +3,7 @@ import type { Scene } from './scene';
 
 export interface PanelEvents {
   magnify(magnification: number): void;
-  show(what: 'labels' | 'cameras' | 'ellipsoids' | 'arrows', visible: boolean): void;
+  show(what: 'labels' | 'cameras' | 'rays' | 'ellipsoids' | 'arrows', visible: boolean): void;
   reset(): void;
 }
 
@@ -80,12 +80,14 @@ export function makePanel(scene: Scene, events: PanelEvents): HTMLElement {
   };
   toggle('Ids', 'labels', true);
   if (scene.cameras.length > 0) toggle('Cameras', 'cameras', true);
+  if (scene.cameras.length > 0) toggle('All rays', 'rays', false);
   if (hasArrows) toggle('Deviations', 'arrows', true);
   if (scene.points.some((point) => point.axes.length > 0)) toggle('Ellipsoids', 'ellipsoids', true);
   const reset = element('button', 'viewer-button', 'Reset view');
   reset.type = 'button';
   reset.addEventListener('click', () => events.reset());
   panel.append(reset, legend(scene));
+  if (scene.points.some((point) => point.ring)) panel.append(element('span', 'viewer-note', 'Rings: targets without a code'));
   tell();
   return panel;
 }

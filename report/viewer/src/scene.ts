@@ -13,6 +13,8 @@ export interface ScenePoint {
   about: string[];
   /** Indices of the cameras that saw it. */
   seen: number[];
+  /** A target without a code: drawn as a ring. */
+  ring?: boolean;
   /** Deviation vector, in a verification. */
   d?: Triple;
 }

@@ -13,7 +13,7 @@ import {
 import { TrackballControls } from 'three/examples/jsm/controls/TrackballControls.js';
 import { themeColour } from './colour';
 import { Labels } from './labels';
-import { makeArrows, makeBars, makeCameras, makeEllipsoids, makePoints, makeRays } from './objects';
+import { makeAllRays, makeArrows, makeBars, makeCameras, makeEllipsoids, makePoints, makeRays } from './objects';
 import { makePanel } from './panel';
 import type { Scene, Triple } from './scene';
 
@@ -33,7 +33,9 @@ export class View {
   private bars: LineSegments | undefined;
   private arrows: LineSegments | undefined;
   private rays: LineSegments | undefined;
+  private allRays: LineSegments | undefined;
   private showCameras = true;
+  private showRays = false;
   private showArrows = true;
   private selected = -1;
   private readonly centre = new Vector3();
@@ -185,14 +187,20 @@ export class View {
     this.render();
   }
 
-  private show(what: 'labels' | 'cameras' | 'ellipsoids' | 'arrows', visible: boolean): void {
+  private show(what: 'labels' | 'cameras' | 'rays' | 'ellipsoids' | 'arrows', visible: boolean): void {
     if (what === 'labels') this.labels.layer.hidden = !visible;
     if (what === 'ellipsoids') this.ellipsoids.mesh.visible = visible;
     if (what === 'cameras') this.showCameras = visible;
     if (what === 'arrows') this.showArrows = visible;
+    if (what === 'rays') this.drawRays(visible);
     if (this.cameras) this.cameras.visible = this.showCameras;
     if (this.arrows) this.arrows.visible = this.showArrows;
     this.render();
+  }
+
+  private drawRays(visible: boolean): void {
+    this.showRays = visible;
+    this.allRays = this.exchange(this.allRays, visible ? makeAllRays(this.scene) : undefined);
   }
 
   private themed(): void {
@@ -200,6 +208,7 @@ export class View {
     this.cameras = this.exchange(this.cameras, makeCameras(this.scene, this.pyramidDepth()));
     this.cameras!.visible = this.showCameras;
     this.bars = this.exchange(this.bars, makeBars(this.scene));
+    this.drawRays(this.showRays);
     this.select(this.selected);
   }
 
