@@ -1,7 +1,7 @@
 // One executable: a table of verbs (app/verb.cc), one file each in app/commands.
 
 #include <csignal>
-#include <ctime>
+#include <cstdio>
 #include <exception>
 #include <string>
 #include <thread>
@@ -12,6 +12,7 @@
 #include "app/command_line.h"
 #include "app/session.h"
 #include "app/verb.h"
+#include "base/file.h"
 
 namespace {
 
@@ -24,32 +25,38 @@ class SignalWatch {
     sigemptyset(&signals_);
     sigaddset(&signals_, SIGINT);
     sigaddset(&signals_, SIGTERM);
+    sigaddset(&signals_, kDone);
     pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
     watcher_ = std::jthread([this](const std::stop_token& done) {
-      constexpr timespec kPoll{0, 50'000'000};
       while (!done.stop_requested()) {
-        if (sigtimedwait(&signals_, nullptr, &kPoll) > 0) source_.request_stop();
+        int signal = 0;
+        if (sigwait(&signals_, &signal) == 0 && signal != kDone) source_.request_stop();
       }
     });
+  }
+  SignalWatch(const SignalWatch&) = delete;
+  SignalWatch& operator=(const SignalWatch&) = delete;
+  ~SignalWatch() {
+    watcher_.request_stop();
+    pthread_kill(watcher_.native_handle(), kDone);
   }
   [[nodiscard]] std::stop_token token() const { return source_.get_token(); }
 
  private:
+  static constexpr int kDone = SIGUSR1;  ///< ends the wait
+
   sigset_t signals_{};
   std::stop_source source_;
   std::jthread watcher_;
 };
 
 int fail(const crosstie::base::Error& error) {
-  fmt::print(stderr, "crosstie: {}\n", error.message);
+  fmt::print(stderr, "crosstie: {}\n", crosstie::base::shown(error.message));  // one line, whatever the names in it hold
   return static_cast<int>(error.code);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const std::vector<std::string> words(argv + 1, argv + argc);
+int run(const std::vector<std::string>& words) {
   auto invocation = crosstie::app::parse_command_line(words, crosstie::app::verbs());
   if (!invocation) return fail(invocation.error());
   if (invocation->verb == nullptr) {
@@ -64,4 +71,12 @@ int main(int argc, char** argv) {
   } catch (const std::exception& error) {
     return fail({crosstie::base::ErrorCode::kInternal, fmt::format("a defect of crosstie: {}", error.what())});
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int code = run({argv + 1, argv + argc});
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+  return fail({crosstie::base::ErrorCode::kFileSystem, "cannot write to the standard output"});
 }

@@ -59,11 +59,18 @@ ordered_json effective_options(const VerificationTask& task, const verify::Compa
 }
 
 /// The points' own block of an adjustment's full covariance; empty where the result has none beside it.
-Eigen::MatrixXd point_covariance(const fs::path& result, std::size_t point_count) {
-  const auto full = base::read_npy(result.parent_path() / "covariance.npy");
+Result<Eigen::MatrixXd> point_covariance(const fs::path& result, std::size_t point_count) {
+  const fs::path file = result.parent_path() / "covariance.npy";
+  std::error_code ignored;
+  if (!fs::exists(file, ignored)) return Eigen::MatrixXd();
+  auto full = base::read_npy(file);
+  if (!full) return full;
   const auto size = static_cast<Eigen::Index>(3 * point_count);
-  if (!full || full->rows() < size) return {};
-  return full->bottomRightCorner(size, size);
+  if (full->rows() != full->cols() || full->rows() < size) {
+    return base::fail(ErrorCode::kBadInput, fmt::format("{}: {} x {} is not the covariance of {} points", base::shown(file),
+                                                        full->rows(), full->cols(), point_count));
+  }
+  return full->bottomRightCorner(size, size).eval();
 }
 
 }  // namespace
@@ -107,7 +114,11 @@ Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& ou
   if (!measured) return tl::unexpected(measured.error());
   const auto reference = base::read_point_list(task.reference, {task.reference_unit});
   if (!reference) return tl::unexpected(reference.error());
-  if (is_result(task.measured)) options->measured_cov_mm2 = point_covariance(task.measured, measured->points.size());
+  if (is_result(task.measured)) {
+    auto covariance = point_covariance(task.measured, measured->points.size());
+    if (!covariance) return base::fail(std::move(covariance));
+    options->measured_cov_mm2 = std::move(*covariance);
+  }
   const auto verification = verify::compare(*measured, *reference, *options);
   if (!verification) {
     return base::fail(verification.error().code, fmt::format("{} against {}: {}", task.measured.string(),

@@ -89,7 +89,7 @@ Result<AiconProject> find_aicon_project(const std::filesystem::path& folder) {
   for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     by_ending[it->path().extension().string()].push_back(it->path());
   }
-  if (error) return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(folder), error.message()));
+  if (error) return fail(ErrorCode::kFileSystem, fmt::format("cannot read {}: {}", shown(folder), error.message()));
   AiconProject project;
   for (const auto& [ending, place] : {std::pair{".phc", &project.image_points},
                                       {".obc", &project.object_points},
@@ -216,11 +216,17 @@ Result<std::vector<AiconNetworkOptions::ImagePointId>> read_image_point_ids(cons
   const auto id = table->column("id");
   if (!image || !id) return bad(path, "the columns image and id are needed");
   std::vector<AiconNetworkOptions::ImagePointId> result;
+  std::set<Key> seen;
   for (std::size_t row = 0; row < table->rows.size(); ++row) {
     const auto image_number = table->integer(row, *image);
     if (!image_number) return tl::unexpected(image_number.error());
     const auto point = table->integer(row, *id);
     if (!point) return tl::unexpected(point.error());
+    const auto refuse = [&](std::string_view what) {
+      return fail(ErrorCode::kBadInput, fmt::format("{}:{}: {}", shown(path), table->lines[row], what));
+    };
+    if (*image_number < 0 || *point < 0) return refuse("ids are 0 or larger");
+    if (!seen.emplace(*image_number, *point).second) return refuse("this image point stands already above");
     result.push_back({*image_number, *point});
   }
   return result;

@@ -18,7 +18,8 @@ struct AiconProject {
   std::filesystem::path scales;         ///< .scale
 };
 
-/// Finds them by their endings. Error kBadInput where a kind is missing or stands there twice.
+/// Finds them by their endings. Errors: kBadInput where a kind is missing or stands there twice; kFileSystem where there is no
+/// such folder.
 Result<AiconProject> find_aicon_project(const std::filesystem::path& folder);
 
 struct AiconNetworkOptions {
@@ -48,7 +49,7 @@ struct AiconNetworkOptions {
 /// order other than 0), for sensors without a size, and for overrides and exclusions that name no image point.
 Result<Network> read_aicon_network(const AiconProject& project, const AiconNetworkOptions& options = {});
 
-/// Reads the columns image,id,sigma_mm (image,id).
+/// Reads the columns image,id,sigma_mm (image,id); an image point occurs once.
 Result<std::vector<AiconNetworkOptions::Sigma>> read_image_point_sigmas(const std::filesystem::path& path);
 Result<std::vector<AiconNetworkOptions::ImagePointId>> read_image_point_ids(const std::filesystem::path& path);
 

@@ -37,6 +37,10 @@ class ValueReader {
 
   std::optional<double> next(PlyType type) { return format_ == PlyFormat::kAscii ? next_text() : next_binary(type); }
 
+  [[nodiscard]] bool at_end() const {
+    return format_ == PlyFormat::kAscii ? data_.find_first_not_of(kBlanks, at_) == std::string_view::npos : at_ == data_.size();
+  }
+
  private:
   std::optional<double> next_text() {
     at_ = data_.find_first_not_of(kBlanks, at_);
@@ -187,14 +191,19 @@ tl::expected<Cloud, std::string> read_cloud(std::string_view bytes) {
     }
   }
   ValueReader values(bytes.substr(header->data_offset), header->format);
+  bool has_vertices = false;
   for (const PlyElement& element : header->elements) {
     if (element.name == "vertex") {
+      if (has_vertices) return tl::unexpected<std::string>("it has two elements vertex");
+      has_vertices = true;
       if (auto read = read_vertices(values, element, cloud); !read) return tl::unexpected<std::string>(std::move(read).error());
-      return cloud;
+    } else if (!skip(values, element)) {
+      return tl::unexpected<std::string>(fmt::format("the file is cut off in {}", element.name));
     }
-    if (!skip(values, element)) return tl::unexpected<std::string>(fmt::format("the file is cut off in {}", element.name));
   }
-  return tl::unexpected<std::string>("it has no element vertex");
+  if (!has_vertices) return tl::unexpected<std::string>("it has no element vertex");
+  if (!values.at_end()) return tl::unexpected<std::string>("it holds more data than its header describes");
+  return cloud;
 }
 
 void append(std::string& bytes, double value, bool as_double) {

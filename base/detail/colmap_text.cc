@@ -19,7 +19,9 @@ constexpr std::string_view kBlanks = " \t\r";
 /// further words are zero.
 class Scanner {
  public:
-  Scanner(const std::filesystem::path& path, std::string_view text) : path_(path), text_(text) {}
+  Scanner(const std::filesystem::path& path, std::string_view text) : path_(path), text_(text) {
+    if (text_.starts_with("\xEF\xBB\xBF")) text_.remove_prefix(3);
+  }
 
   /// Goes to the next line, whatever it holds; false at the end.
   bool next_line() {

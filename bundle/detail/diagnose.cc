@@ -77,9 +77,13 @@ void about_scale(AdjustedNetwork& result) {
     result.warnings.push_back({"one_scale_bar", name(result.scale_bars.front()),
                                "one scale bar gives the scale and nothing checks it; measure a second length"});
   }
+  const bool contradiction = std::any_of(result.scale_bars.begin(), result.scale_bars.end(), [](const auto& bar) {
+    return bar.bar.role == base::ScaleBarRole::kUsed && std::abs(bar.w) > kContradiction;
+  });
   std::string contradicting;
   for (const auto& bar : result.scale_bars) {
-    if (bar.bar.role == base::ScaleBarRole::kUsed && std::abs(bar.w) > kContradiction) {
+    // Of two bars nobody can tell which is wrong.
+    if (bar.bar.role == base::ScaleBarRole::kUsed && (std::abs(bar.w) > kContradiction || (contradiction && used == 2))) {
       contradicting += fmt::format("{}{} ({:+.4f} mm, {:.1f} sigma)", contradicting.empty() ? "" : ", ", name(bar),
                                    bar.measured_mm - bar.bar.length_at_temperature_mm(), bar.w);
     } else if (bar.bar.role == base::ScaleBarRole::kCheck && std::abs(bar.w) > kContradiction) {
@@ -107,6 +111,19 @@ void about_control(AdjustedNetwork& result) {
                                "these control points contradict each other or the images: " + contradicting +
                                    ". Compare coordinates, units, ids and sigmas with their source"});
   }
+}
+
+/// Image points that lie where another id is: two targets were swapped, or an id was misread.
+void about_wrong_ids(AdjustedNetwork& result) {
+  std::string found;
+  for (const auto& rejected : result.rejected) {
+    const std::size_t at = rejected.reason.find("at the place of id");
+    if (at == std::string::npos) continue;
+    found += fmt::format("{}{} in {} ({})", found.empty() ? "" : ", ", rejected.id, rejected.image, rejected.reason.substr(at));
+  }
+  if (found.empty()) return;
+  result.warnings.push_back(
+      {"wrong_ids", found, "these image points lie where other ids are expected and were left out: " + found});
 }
 
 void about_weights(const AdjustOptions& options, const Weights& weights, AdjustedNetwork& result) {
@@ -142,6 +159,7 @@ void diagnose(const Survey& survey, const AdjustOptions& options, const State& s
   about_points(result);
   about_uncoded(result);
   about_weights(options, weights, result);
+  about_wrong_ids(result);
   std::size_t total = survey.rays.size();
   std::size_t moved = 0;
   std::string moved_ids;

@@ -34,6 +34,21 @@ double moved_predictions(const math::WhitenedRows& rows, const math::Parameters&
   return sum;
 }
 
+/// The parameter whose part of a step moves the predictions most.
+std::string most_moved(const math::WhitenedRows& rows, const math::Parameters& parameters, const Eigen::VectorXd& step) {
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(step.size());
+  for (int g = 0; g < rows.group_count(); ++g) {
+    const auto terms = rows.terms(g);
+    for (std::size_t t = 0; t < terms.size(); ++t) {
+      sums.segment(parameters.block(terms[t].block).offset, terms[t].size) +=
+          rows.jacobian(g, t).colwise().squaredNorm().transpose();
+    }
+  }
+  Eigen::Index most = 0;
+  sums.cwiseProduct(step.cwiseAbs2()).maxCoeff(&most);
+  return parameters.label(static_cast<int>(most));
+}
+
 /// Root mean square distance of the points from the origin.
 double extent_of(const Model& model) {
   double sum = 0.0;
@@ -158,8 +173,9 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
     const double moved = std::sqrt(moved_predictions(rows, parameters, step));
     if (moved < options.tolerance || step_number >= kMaxSteps) {
       if (moved > std::max(1e-3, options.tolerance)) {
-        return fail(ErrorCode::kNoUniqueSolution,
-                    "the adjustment does not converge; the observations contradict each other or hardly determine the network");
+        return fail(ErrorCode::kNoUniqueSolution, "the adjustment does not converge: its steps still move " +
+                                                      most_moved(rows, parameters, step) +
+                                                      "; the observations hardly determine it, or contradict each other");
       }
       read_back(survey, network, state);
       const double square_sum = rows.square_sum();

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/bounded.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::tests {
@@ -17,10 +18,10 @@ struct ProgramRun {
   std::string err;
 };
 
-/// Runs the crosstie executable of this build with the given words.
-inline ProgramRun run_program(const std::vector<std::string>& words) {
+/// Runs the crosstie executable of this build with the given words; `before` are commands of the shell that starts it.
+inline ProgramRun run_program(const std::vector<std::string>& words, const std::string& before = "") {
   const TemporaryFolder folder;
-  std::string command = "'" CROSSTIE_EXECUTABLE "'";
+  std::string command = before + "'" CROSSTIE_EXECUTABLE "'";
   for (const std::string& word : words) {
     std::string quoted;
     for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -33,6 +34,12 @@ inline ProgramRun run_program(const std::vector<std::string>& words) {
   run.out = read_all(folder / "out");
   run.err = read_all(folder / "err");
   return run;
+}
+
+/// The same with a limited address space; it is ended when it takes too long.
+inline ProgramRun run_bounded(const std::vector<std::string>& words, const std::string& before = "") {
+  const std::string memory = kLimitsMemory ? "ulimit -v " + std::to_string(kMemoryLimit >> 10) + "; " : std::string();
+  return run_program(words, memory + before + "timeout " + std::to_string(kTimeLimit_s) + " ");
 }
 
 }  // namespace crosstie::tests
