@@ -91,7 +91,9 @@ ResultFolder::ResultFolder(ResultFolder&& other) noexcept
 
 ResultFolder::~ResultFolder() {
   std::error_code ignored;
-  if (!staging_.empty()) fs::remove_all(staging_, ignored);
+  if (!staging_.empty() && fs::remove_all(staging_, ignored) == static_cast<std::uintmax_t>(-1)) {
+    fs::remove(staging_, ignored);  // where no handle is left to look into it, it holds nothing
+  }
   if (lock_ >= 0) {
     fs::remove(beside(target_, ".lock"), ignored);
     close(lock_);

@@ -105,9 +105,20 @@ Result<ImageObservations> look_at(const ImageFile& file, const DetectionTask& ta
   return observations;
 }
 
-std::vector<base::Warning> warnings_of(const std::vector<ImageObservations>& images, const DetectionTask& task) {
+/// `inputs` are the files of the images.
+std::vector<base::Warning> warnings_of(const std::vector<ImageObservations>& images,
+                                       const std::vector<base::ResultInput>& inputs, const DetectionTask& task) {
   constexpr double kOverexposed = 0.05;
   std::vector<base::Warning> warnings;
+  std::map<std::string, std::string> first_of;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const auto [first, is_new] = first_of.emplace(inputs[i].sha256, images[i].image);
+    if (is_new) continue;
+    warnings.push_back({"duplicate_image", images[i].image,
+                        fmt::format("{} and {} are the same photograph twice: what one of them shows would count double; "
+                                    "remove one",
+                                    first->second, images[i].image)});
+  }
   for (const ImageObservations& image : images) {
     if (coded_count(image) == 0) {
       warnings.push_back({"no_markers", image.image,
@@ -199,7 +210,7 @@ Result<StepOutcome> detect_step(const DetectionTask& task, const fs::path& out, 
   });
   if (!done) return base::fail(std::move(done));
 
-  base::ResultEnvelope envelope{"detect", "pixel", sorted, {}, warnings_of(images, task)};
+  base::ResultEnvelope envelope{"detect", "pixel", sorted, {}, warnings_of(images, inputs, task)};
   if (auto written = base::write_observations(folder->path() / "observations.csv", images); !written)
     return base::fail(std::move(written));
   const ordered_json result = base::result_json(envelope, options, base::detection_json(images, timings));

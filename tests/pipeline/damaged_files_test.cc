@@ -149,8 +149,10 @@ std::vector<Call> calls() {
                    file,
                    "out"});
   }
-  all.push_back({"convert points", make_points, {"convert", "FOLDER/measured.csv", "FOLDER/new.obc"}, "measured.csv", "new.obc"});
-  all.push_back({"convert object list", make_ply_source, {"convert", "FOLDER/list.obc", "FOLDER/new.ply"}, "list.obc", "new.ply"});
+  all.push_back(
+      {"convert points", make_points, {"convert", "FOLDER/measured.csv", "FOLDER/new.obc"}, "measured.csv", "new.obc"});
+  all.push_back(
+      {"convert object list", make_ply_source, {"convert", "FOLDER/list.obc", "FOLDER/new.ply"}, "list.obc", "new.ply"});
   all.push_back({"convert cameramodel",
                  make_camera,
                  {"convert", "FOLDER/camera.cameramodel", "FOLDER/new.yaml"},
@@ -260,7 +262,8 @@ TEST_P(DamagedFiles, AreRefused) {
 
 std::string test_name(const testing::TestParamInfo<Call>& info) {
   std::string name = info.param.name;
-  std::replace_if(name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
   return name;
 }
 
@@ -296,7 +299,9 @@ TEST_F(UnwritableResult, Places) {
 
 TEST_F(UnwritableResult, AFileSizeLimit) { expect_failed(verify_into((folder_ / "out").string(), "ulimit -f 1; "), "out"); }
 
-TEST_F(UnwritableResult, TooFewFileHandles) { expect_failed(verify_into((folder_ / "out").string(), "sh -c 'ulimit -n 4; exec \"$@\"' sh "), "Too many open files"); }
+TEST_F(UnwritableResult, TooFewFileHandles) {
+  expect_failed(verify_into((folder_ / "out").string(), "sh -c 'ulimit -n 4; exec \"$@\"' sh "), "Too many open files");
+}
 
 TEST_F(UnwritableResult, OddNamesAreNoHindrance) {
   for (const std::string name : {"with blank", "\xC3\xBC\xE4\xBD\xA0", "new\nline", "it's {0} %s"}) {

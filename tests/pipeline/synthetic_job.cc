@@ -122,8 +122,9 @@ void write_aicon_project(const TemporaryFolder& folder, const SyntheticNetwork& 
     const Eigen::VectorXd& p = camera.parameters();
     const double x0 = (p(2) - 0.5 * (camera.width_px() - 1)) * kMmPerPx;
     const double y0 = -(p(3) - 0.5 * (camera.height_px() - 1)) * kMmPerPx;
-    cameras += fmt::format("{} -999 {:.9f} {:.9f} {:.9f} 0 0 0\n0\n0 0\n0 0\n{:.9f} {:.9f} {} {}\n", c, -p(0) * kMmPerPx, x0, y0,
-                           camera.width_px() * kMmPerPx, camera.height_px() * kMmPerPx, camera.width_px(), camera.height_px());
+    cameras +=
+        fmt::format("{} -999 {:.9f} {:.9f} {:.9f} 0 0 0\n0\n0 0\n0 0\n{:.9f} {:.9f} {} {}\n", c, -p(0) * kMmPerPx, x0, y0,
+                    camera.width_px() * kMmPerPx, camera.height_px() * kMmPerPx, camera.width_px(), camera.height_px());
   }
   for (std::size_t k = 0; k < synthetic.network.images.size(); ++k) {
     const base::ImageObservations& image = synthetic.network.images[k];
@@ -131,8 +132,8 @@ void write_aicon_project(const TemporaryFolder& folder, const SyntheticNetwork& 
     const Eigen::Vector3d& at = pose.translation_mm;
     const Eigen::Vector3d angles =
         (pose.rotation * Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0)).toRotationMatrix().eulerAngles(0, 1, 2);
-    images += fmt::format("{} {} {:.9f} {:.9f} {:.9f} {:.12f} {:.12f} {:.12f} 0 1 1\n", k, image.camera.substr(1), at.x(), at.y(),
-                          at.z(), angles.x(), angles.y(), angles.z());
+    images += fmt::format("{} {} {:.9f} {:.9f} {:.9f} {:.12f} {:.12f} {:.12f} 0 1 1\n", k, image.camera.substr(1), at.x(),
+                          at.y(), at.z(), angles.x(), angles.y(), angles.z());
     for (const base::Observation& observation : image.observations) {
       image_points += fmt::format("{} {} {:.9f} {:.9f} 0.0001 0.0001 0 0 3 1 0\n", k, observation.id,
                                   (observation.centre_px.x() - 0.5 * (image.width_px - 1)) * kMmPerPx,

@@ -24,7 +24,8 @@ struct JobText {
 /// Makes a job folder whose detection has found the image points of the network: job.toml, bars.csv, small images, and
 /// results/detect, which `crosstie adjust` takes as it is. Image k of the network is the photograph cC_SS, C its camera and SS its
 /// station. False where the executable does not play along.
-[[nodiscard]] bool write_synthetic_job(const TemporaryFolder& folder, const SyntheticNetwork& synthetic, const JobText& text = {});
+[[nodiscard]] bool write_synthetic_job(const TemporaryFolder& folder, const SyntheticNetwork& synthetic,
+                                       const JobText& text = {});
 
 /// The name of the photograph of image k.
 std::string photograph_name(const SyntheticNetwork& synthetic, std::size_t k);

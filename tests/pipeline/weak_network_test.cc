@@ -47,8 +47,8 @@ std::string rows_of(const std::vector<std::size_t>& which, const SyntheticNetwor
   std::string rows = "id,x_mm,y_mm,z_mm,sigma_x_mm,sigma_y_mm,sigma_z_mm\n";
   for (const std::size_t i : which) {
     const Eigen::Vector3d& at = synthetic.points[i];
-    rows += fmt::format("{},{},{},{},{},{},{}\n", synthetic.ids[i], at.x() + (i == which.front() ? first_x_off_mm : 0.0), at.y(),
-                        at.z(), sigma_mm, sigma_mm, sigma_mm);
+    rows += fmt::format("{},{},{},{},{},{},{}\n", synthetic.ids[i], at.x() + (i == which.front() ? first_x_off_mm : 0.0),
+                        at.y(), at.z(), sigma_mm, sigma_mm, sigma_mm);
   }
   return rows;
 }
@@ -120,8 +120,7 @@ std::vector<Case> weak() {
          for (std::size_t i = 0; i < 9; ++i) {
            const Eigen::Vector3d position(120.0 * static_cast<double>(i % 3) - 120.0, 90.0 * static_cast<double>(i / 3) - 90.0,
                                           1200.0);
-           d.synthetic.network_from_camera[i] =
-               tests::looking_at(position, position - Eigen::Vector3d(0.0, 0.0, 1000.0), 0.0);
+           d.synthetic.network_from_camera[i] = tests::looking_at(position, position - Eigen::Vector3d(0.0, 0.0, 1000.0), 0.0);
          }
          tests::project_all(d.synthetic, 0.02);
        },
@@ -141,7 +140,12 @@ std::vector<Case> weak() {
        },
        4,
        {"datum leaves the frame free"}},
-      {"two control points", [](Draft& d) { control(d, rows_of({0, 29}, d.synthetic, 0.01)); }, 4, {"control points"}},
+      {"two control points",
+       [](Draft& d) {
+         control(d, rows_of({0, 29}, d.synthetic, 0.01));
+       },
+       4,
+       {"control points"}},
   };
 }
 
@@ -153,7 +157,10 @@ std::vector<Case> refused() {
   return {
       {"unknown lens parameter is fixed", [](Draft& d) { d.text.camera = "fixed = [\"q1\"]\n"; }, 3, {"q1", "c0"}},
       {"unknown lens parameter has a sigma", [](Draft& d) { d.text.camera = "sigmas = { q1 = 0.1 }\n"; }, 3, {"q1", "c0"}},
-      {"negative sigma of a lens parameter", [](Draft& d) { d.text.camera = "sigmas = { k1 = -0.1 }\n"; }, 3, {"job.toml:", "sigma"}},
+      {"negative sigma of a lens parameter",
+       [](Draft& d) { d.text.camera = "sigmas = { k1 = -0.1 }\n"; },
+       3,
+       {"job.toml:", "sigma"}},
       {"rig with a camera that the job lacks", [rig](Draft& d) { rig(d, "[\"c0\", \"c7\"]", 2); }, 3, {"c7"}},
       {"rig of one camera", [rig](Draft& d) { rig(d, "[\"c0\"]", 1); }, 3, {"two or more"}},
       {"a lone bar in inches",
@@ -233,6 +240,14 @@ std::vector<Case> done() {
        },
        0,
        {"moved between images", "moved_points 20"}},
+      {"one image mirrored",
+       [](Draft& d) {
+         for (auto& observation : d.synthetic.network.images[3].observations) {
+           observation.centre_px.x() = 1999.0 - observation.centre_px.x();
+         }
+       },
+       0,
+       {"image_not_oriented c0_03"}},
       {"bars that contradict each other by 0.5 %",
        [](Draft& d) { d.synthetic.network.scale_bars[1].length_mm *= 1.005; },
        1,
@@ -243,7 +258,9 @@ std::vector<Case> done() {
        {"contradicting_bars 10-39", "15-34"}},
       {"a lone bar", [](Draft& d) { d.synthetic.network.scale_bars.resize(1); }, 0, {"one_scale_bar 10-39"}},
       {"control that contradicts the images",
-       [](Draft& d) { control(d, rows_of({14, 0, 5, 24, 29}, d.synthetic, 0.01, 1.0)); },
+       [](Draft& d) {
+         control(d, rows_of({14, 0, 5, 24, 29}, d.synthetic, 0.01, 1.0));
+       },
        1,
        {"contradicting_control", "24 ("}},
       {"blunders, 1 %", [](Draft& d) { blunders(d, 0.01); }, 0, {"wrong id: image point lies"}},
@@ -315,7 +332,8 @@ TEST_P(WeakNetwork, IsToldAsItIs) {
 
 std::string test_name(const testing::TestParamInfo<Case>& info) {
   std::string name = info.param.name;
-  std::replace_if(name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
   return name;
 }
 
@@ -327,7 +345,8 @@ TEST(WeakNetworks, ARigWhoseCamerasShareNoStation) {
   const auto synthetic = make_synthetic({.cameras = 2, .rig = true, .images = 12});
   const TemporaryFolder folder;
   ASSERT_TRUE(tests::write_synthetic_job(folder, synthetic, {.rest = "[rig]\ncameras = [\"c0\", \"c1\"]\n"}));
-  for (int k = 0; k < 6; ++k) fs::rename(folder / fmt::format("net/c1_{:02}.png", k), folder / fmt::format("net/c1_{:02}.png", 50 + k));
+  for (int k = 0; k < 6; ++k)
+    fs::rename(folder / fmt::format("net/c1_{:02}.png", k), folder / fmt::format("net/c1_{:02}.png", 50 + k));
   const auto run = tests::run_bounded({"adjust", folder.path().string()});
   EXPECT_EQ(run.exit_code, 3) << run.err;
   EXPECT_THAT(run.err, HasSubstr("[rig] no two images of its cameras belong together"));
