@@ -151,7 +151,7 @@ TEST(Warnings, AnIdReadTwice) {
 TEST(Warnings, PoorCoverage) {
   auto synthetic = sound();
   for (auto& image : synthetic.network.images) {
-    std::erase_if(image.observations, [](const auto& one) { return std::abs(one.centre_px.x() - 1000.0) > 430.0; });
+    std::erase_if(image.observations, [](const auto& one) { return std::abs(one.centre_px.x() - 1000.0) > 320.0; });
   }
   const auto result = adjusted(synthetic.network);
   ASSERT_NE(find(result, "poor_coverage"), nullptr);
