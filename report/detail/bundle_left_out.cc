@@ -51,7 +51,7 @@ std::string summary(const AdjustedNetwork& network) {
                   {{"Reason", "", "", false}, {"Number", ""}, {"Ids", "", "", false}, {"Images", "", "", false}});
   for (const auto& [reason, group] : groups) {
     table.add_row({text_cell(reason), number_cell(std::to_string(group.count), group.count), text_cell(some_of(group.ids)),
-                   text_cell(some_of(group.images))});
+                   text_cell(some_of(group.images), "prose")});
   }
   for (const base::Warning& warning : network.warnings) {
     if (warning.code == "bar_not_seen" || warning.code == "control_not_seen" || warning.code == "datum_point_not_seen") {

@@ -67,7 +67,7 @@ class Labels {
  public:
   /// Whether a text that begins at (x, y) is free of the others; it is taken then.
   bool take(double x, double y, std::size_t digits) {
-    const double width = kDigit_px * static_cast<double>(digits);
+    const double width = kDigit_px * (static_cast<double>(digits) + 1.0);  // one for the gap
     for (const Box& box : taken_) {
       if (x < box.x + box.width && box.x < x + width && std::abs(y - box.y) < kLabelHeight_px) return false;
     }

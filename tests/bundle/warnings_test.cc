@@ -1,6 +1,8 @@
 // What weakens a network is told, and only then: every warning beside a network that is free of it.
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
@@ -30,8 +32,10 @@ void keep_images(base::Network& network, const std::function<bool(std::size_t)>&
   network.images = std::move(kept);
 }
 
-/// Deep points, all round, rolled, calibrated with a model whose terms are all there.
-tests::SyntheticNetwork sound() { return tests::make_synthetic({.images = 16, .model = base::LensModel::kOpenCv4}); }
+/// Deep points that fill the image, all round, rolled, calibrated with a model whose terms are all there.
+tests::SyntheticNetwork sound() {
+  return tests::make_synthetic({.images = 16, .columns = 10, .rows = 7, .model = base::LensModel::kOpenCv4});
+}
 
 TEST(Warnings, ASoundNetworkHasNone) {
   const auto result = adjusted(sound().network);
@@ -147,7 +151,7 @@ TEST(Warnings, AnIdReadTwice) {
 TEST(Warnings, PoorCoverage) {
   auto synthetic = sound();
   for (auto& image : synthetic.network.images) {
-    std::erase_if(image.observations, [](const auto& one) { return std::abs(one.centre_px.x() - 1000.0) > 430.0; });
+    std::erase_if(image.observations, [](const auto& one) { return std::abs(one.centre_px.x() - 1000.0) > 320.0; });
   }
   const auto result = adjusted(synthetic.network);
   ASSERT_NE(find(result, "poor_coverage"), nullptr);
