@@ -52,6 +52,9 @@ class RingImage {
     return set == 0.0 ? zeros_ : zeros_ + (d.bright - zeros_) * set * share(k, rho, family_.ring_inner, family_.ring_outer);
   }
 
+  /// Of the segment in direction `k`: the dot's, or more where it lies in brighter light than the dot.
+  [[nodiscard]] double light(std::size_t k) const { return std::max(directions_[k].bright, 1.0); }
+
   /// What the blur leaves of a circle from `inner` to `outer` at `rho`.
   [[nodiscard]] double share(std::size_t k, double rho, double inner, double outer) const {
     const double across = directions_[k].across;
@@ -104,15 +107,16 @@ std::vector<double> deviations(const std::vector<double>& values, const RingImag
   return result;
 }
 
-/// Largest mean deviation over the thirds of segments of one half of the ring; `rings` are the deviations at its radii.
-double largest_misfit(const RingGrid& grid, std::span<const std::vector<double>> rings) {
+/// Largest mean deviation over the thirds of segments of one half of the ring, in that segment's own light; `rings` are the
+/// deviations at its radii. The edge of a shadow that crosses a segment is no other thing over it.
+double largest_misfit(const RingGrid& grid, const RingImage& expected, std::span<const std::vector<double>> rings) {
   constexpr int kThirds = 3;
   const auto parts = static_cast<std::size_t>(grid.bits() * kThirds);
   std::vector<double> sums(parts, 0.0), counts(parts, 0.0);
   for (const std::vector<double>& ring : rings) {
     for (std::size_t k = 0; k < ring.size(); ++k) {
       const auto part = static_cast<std::size_t>(grid.place(k) * kThirds) % parts;
-      sums[part] += ring[k];
+      sums[part] += ring[k] / expected.light(k);
       counts[part] += 1.0;
     }
   }
@@ -219,7 +223,8 @@ RingCover look_for_cover(const MarkerFamily& family, const DotFit& dot, const Ri
   const std::span<const std::vector<double>> halves(rings);
   const std::size_t half = (rings.size() + 1) / 2;
   RingCover cover;
-  cover.misfit = std::max(largest_misfit(grid, halves.first(half)), largest_misfit(grid, halves.last(half)));
+  cover.misfit =
+      std::max(largest_misfit(grid, expected, halves.first(half)), largest_misfit(grid, expected, halves.last(half)));
   const std::vector<double> quiet = quiet_deviations(family, levels, expected);
   std::vector<bool> hidden = hidden_directions(family, levels, expected, quiet, smoothed(rings.back(), kBeside, 0.0));
   const std::vector<bool> covered = covered_gap(family, levels, expected);
