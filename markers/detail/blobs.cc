@@ -2,51 +2,76 @@
 
 #include <algorithm>
 #include <bit>
+#include <limits>
 
 #include "markers/detail/level_kernels.h"
 
 namespace crosstie::markers::detail {
 namespace {
 
-/// Pixels [begin, end) of a row.
-struct Run {
-  int begin, end;
-  std::uint32_t label;
-};
+/// The runs of one row: run i has the pixels [edges[2 i], edges[2 i + 1]). The run after the last lies beyond all.
+struct Runs {
+  explicit Runs(int width) : edges(static_cast<std::size_t>(width) + 4), labels(edges.size() / 2) { close(); }
 
-/// The runs of one row: where a bit differs from the one before it, a run begins or ends.
-void find_runs(const std::uint64_t* words, std::size_t count, int width, std::vector<Run>& runs) {
-  runs.clear();
-  std::uint64_t last = 0;
-  int begin = -1;
-  for (std::size_t w = 0; w < count; ++w) {
-    const std::uint64_t word = words[w];
-    std::uint64_t changes = word ^ ((word << 1) | last);
-    last = word >> 63;
-    const int base = static_cast<int>(64 * w);
-    while (changes != 0) {
-      const int at = base + std::countr_zero(changes);
-      changes &= changes - 1;
-      if (begin < 0) {
-        begin = at;
-      } else {
-        runs.push_back({begin, at, 0});
-        begin = -1;
+  /// Where a bit differs from the one before it, a run begins or ends.
+  void find(const std::uint64_t* words, std::size_t word_count, int width) {
+    int* to = edges.data();
+    std::uint64_t last = 0;
+    for (std::size_t w = 0; w < word_count; ++w) {
+      const std::uint64_t word = words[w];
+      std::uint64_t changes = word ^ ((word << 1) | last);
+      last = word >> 63;
+      const int base = static_cast<int>(64 * w);
+      while (changes != 0) {
+        *to++ = base + std::countr_zero(changes);
+        changes &= changes - 1;
       }
     }
+    if ((to - edges.data()) % 2 != 0) *to++ = width;
+    count = static_cast<std::size_t>(to - edges.data()) / 2;
+    close();
   }
-  if (begin >= 0) runs.push_back({begin, width, 0});
+
+  std::vector<int> edges;
+  std::vector<std::uint32_t> labels;
+  std::size_t count = 0;
+
+ private:
+  void close() { edges[2 * count] = edges[2 * count + 1] = std::numeric_limits<int>::max(); }
+};
+
+/// Sums of a run's pixels; x twice and xx twelve times.
+Blob sums_of(int begin, int end, int y) {
+  const std::int64_t n = end - begin;
+  const std::int64_t middle2 = begin + end - 1;
+  const std::int64_t x2 = n * middle2;
+  return {n, x2, n * y, n * (3 * middle2 * middle2 + n * n - 1), x2 * y, n * y * y, begin, end - 1, y, y};
 }
 
-/// Sums of 0 .. n - 1, and of their squares.
-std::int64_t sum_to(std::int64_t n) { return n * (n - 1) / 2; }
-std::int64_t squares_to(std::int64_t n) { return (n - 1) * n * (2 * n - 1) / 6; }
+void add(const Blob& from, Blob& to) {
+  to.count += from.count;
+  to.x += from.x;
+  to.y += from.y;
+  to.xx += from.xx;
+  to.xy += from.xy;
+  to.yy += from.yy;
+  to.left = std::min(to.left, from.left);
+  to.right = std::max(to.right, from.right);
+  to.top = std::min(to.top, from.top);
+  to.bottom = std::max(to.bottom, from.bottom);
+}
 
+/// Blobs by label; those that were joined to another have no pixels.
 class Blobs {
  public:
-  std::uint32_t add(const Run& run, int y) {
+  explicit Blobs(std::size_t expected) {
+    blobs_.reserve(expected);
+    parents_.reserve(expected);
+  }
+
+  std::uint32_t begin(const Blob& run) {
     parents_.push_back(static_cast<std::uint32_t>(blobs_.size()));
-    blobs_.push_back({0, 0, 0, 0, 0, 0, run.begin, run.end - 1, y, y});
+    blobs_.push_back(run);
     return parents_.back();
   }
 
@@ -58,46 +83,27 @@ class Blobs {
     return label;
   }
 
-  void extend(std::uint32_t label, const Run& run, int y) {
-    Blob& blob = blobs_[label];
-    const std::int64_t n = run.end - run.begin;
-    const std::int64_t x = sum_to(run.end) - sum_to(run.begin);
-    blob.count += n;
-    blob.x += x;
-    blob.y += n * y;
-    blob.xx += squares_to(run.end) - squares_to(run.begin);
-    blob.xy += x * y;
-    blob.yy += n * y * y;
-    blob.left = std::min(blob.left, run.begin);
-    blob.right = std::max(blob.right, run.end - 1);
-    blob.bottom = y;
-  }
+  void extend(std::uint32_t root, const Blob& run) { add(run, blobs_[root]); }
 
   /// Joins two roots; the older one stays.
   std::uint32_t join(std::uint32_t a, std::uint32_t b) {
     if (a == b) return a;
     if (a > b) std::swap(a, b);
     parents_[b] = a;
-    Blob& to = blobs_[a];
-    Blob& from = blobs_[b];
-    to.count += from.count;
-    to.x += from.x;
-    to.y += from.y;
-    to.xx += from.xx;
-    to.xy += from.xy;
-    to.yy += from.yy;
-    to.left = std::min(to.left, from.left);
-    to.right = std::max(to.right, from.right);
-    to.top = std::min(to.top, from.top);
-    to.bottom = std::max(to.bottom, from.bottom);
-    from.count = 0;
+    add(blobs_[b], blobs_[a]);
+    blobs_[b].count = 0;
     return a;
   }
 
   [[nodiscard]] std::vector<Blob> of_at_least(std::int64_t count) const {
     std::vector<Blob> kept;
-    std::copy_if(blobs_.begin(), blobs_.end(), std::back_inserter(kept),
-                 [count](const Blob& blob) { return blob.count >= count; });
+    for (const Blob& blob : blobs_) {
+      if (blob.count == 0 || blob.count < count) continue;
+      kept.push_back(blob);
+      kept.back().x /= 2;
+      kept.back().xx /= 12;
+      kept.back().xy /= 2;
+    }
     return kept;
   }
 
@@ -109,24 +115,29 @@ class Blobs {
 }  // namespace
 
 std::vector<Blob> find_blobs(const std::uint64_t* words, int width, int height, std::int64_t min_count) {
-  Blobs blobs;
-  const std::size_t count = words_per_row(width);
-  std::vector<Run> above, here;
-  for (int y = 0; y < height; ++y, words += count) {
-    find_runs(words, count, width, here);
-    auto first = above.begin();  // of those that may touch this and later runs
-    for (Run& run : here) {
-      while (first != above.end() && first->end <= run.begin) ++first;
-      bool joined = false;
-      for (auto other = first; other != above.end() && other->begin < run.end; ++other) {
-        const std::uint32_t root = blobs.root(other->label);
-        run.label = joined ? blobs.join(blobs.root(run.label), root) : root;
-        joined = true;
+  constexpr std::size_t kPixelsPerBlob = 256;  // on photographs, or more
+  Blobs blobs(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) / kPixelsPerBlob + 64);
+  const std::size_t word_count = words_per_row(width);
+  Runs above(width), here(width);
+  for (int y = 0; y < height; ++y, words += word_count) {
+    here.find(words, word_count, width);
+    const int* other = above.edges.data();  // the first that may touch this and later runs
+    for (std::size_t i = 0; i < here.count; ++i) {
+      const int begin = here.edges[2 * i];
+      const int end = here.edges[2 * i + 1];
+      while (other[1] <= begin) other += 2;
+      const Blob run = sums_of(begin, end, y);
+      if (other[0] >= end) {
+        here.labels[i] = blobs.begin(run);
+        continue;
       }
-      if (!joined) run.label = blobs.add(run, y);
-      blobs.extend(run.label, run, y);
+      std::size_t k = static_cast<std::size_t>(other - above.edges.data()) / 2;
+      std::uint32_t label = blobs.root(above.labels[k]);
+      while (above.edges[2 * ++k] < end) label = blobs.join(label, blobs.root(above.labels[k]));
+      blobs.extend(label, run);
+      here.labels[i] = label;
     }
-    above.swap(here);
+    std::swap(above, here);
   }
   return blobs.of_at_least(min_count);
 }

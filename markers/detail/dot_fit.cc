@@ -26,7 +26,8 @@ constexpr double kOtherSlopeSigma = 0.003;   // and change of a level by other c
 constexpr double kRoughlyConvergedPx = 0.1;
 constexpr double kConvergedPx = 1e-3;      // what remains after the last step, judged by how steps shrink,
 constexpr double kConvergedSigmas = 0.05;  // and the same in standard deviations of the centre: one of both is enough
-constexpr int kRoughPixels = 160;          // that are enough for the first steps
+constexpr double kShrinking = 0.3;         // of the last step, at most, remains
+constexpr int kRoughPixels = 112;          // that are enough for the first steps
 constexpr int kMaxRoughSteps = 5;          // after the first three
 constexpr int kMaxSteps = 12;
 constexpr int kMaxAttempts = 4;
@@ -234,7 +235,7 @@ State start_state(const Ellipse& ellipse, double blur_px, const PixelSet& pixels
 
 /// Median grey level between two rho, of a sample of the pixels.
 double median_between(const PixelSet& pixels, const State& s, double from_rho, double to_rho) {
-  constexpr std::size_t kSample = 256;
+  constexpr std::size_t kSample = 64;
   std::array<float, 2 * kSample> greys;
   std::size_t n = 0;
   for (std::size_t i = 0; i < pixels.used; i += 1 + pixels.used / kSample) {
@@ -413,7 +414,7 @@ std::optional<DotFit> finish(const base::ImageView& image, const DotFitOptions& 
       if (last) {
         const auto cx = step->root.solve({1.0});
         const auto cy = step->root.solve({0.0, 1.0});
-        const double remaining_px = step->px * std::min(step->px / std::max(previous_px, 1e-12), 1.0);
+        const double remaining_px = step->px * std::min(step->px / std::max(previous_px, 1e-12), kShrinking);
         const double sigma_px = radius_px * std::sqrt(0.5 * (cx[0] + cy[1]));
         if (remaining_px > std::max(kConvergedPx, kConvergedSigmas * sigma_px) && round < kMaxRounds) {
           previous_px = step->px;

@@ -1,5 +1,8 @@
 #include "markers/detail/dot_kernel.h"
 
+#include <algorithm>
+#include <iterator>
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "markers/detail/dot_kernel.cc"
 #include <hwy/foreach_target.h>
@@ -171,13 +174,14 @@ HWY_INLINE void FillColumns(const DotModel& m, const DotPixels& pixels, const fl
   }
 }
 
-/// sums[a][b] += columns_a . columns_b for the kBlock x kB columns at `a` and `b`; each sum is a vector in `sums`.
+/// sums[a][b] += columns_a . columns_b for the kBlock x kB columns at `a` and `b`; each sum is a vector in `sums`, which holds
+/// nothing yet where the columns are the `first`.
 template <std::size_t kB>
-HWY_INLINE void Multiply(const float* a, const float* b, std::size_t count, float* sums) {
+HWY_INLINE void Multiply(const float* a, const float* b, std::size_t count, bool first, float* sums) {
   const D d;
   const std::size_t lanes = hn::Lanes(d);
   V acc[kBlock * kB];
-  for (std::size_t k = 0; k < kBlock * kB; ++k) acc[k] = hn::LoadU(d, sums + k * lanes);
+  for (std::size_t k = 0; k < kBlock * kB; ++k) acc[k] = first ? hn::Zero(d) : hn::LoadU(d, sums + k * lanes);
   for (std::size_t i = 0; i < count; i += lanes) {
     V left[kBlock];
     for (std::size_t k = 0; k < kBlock; ++k) left[k] = hn::LoadU(d, a + k * kChunk + i);
@@ -198,8 +202,9 @@ HWY_INLINE void SumAll(const DotModel& m, const DotPixels& pixels, const float* 
   const D d;
   const std::size_t lanes = hn::Lanes(d);
   // The residual follows the derivatives; what fills the last block up meets only sums that nobody reads.
-  HWY_ALIGN float columns[(kBlocks * kBlock + 1) * kChunk] = {};
-  HWY_ALIGN float sums[(kTiles * kTileSums + kBlocks * kBlock) * kPixelPadding] = {};
+  HWY_ALIGN float columns[(kBlocks * kBlock + 1) * kChunk];
+  HWY_ALIGN float sums[(kTiles * kTileSums + kBlocks * kBlock) * kPixelPadding];
+  std::fill(columns + (kColumns + 1) * kChunk, std::end(columns), 0.0F);
   float* const right = sums + kTiles * kTileSums * lanes;
   Partial partial{hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
   for (std::size_t begin = 0; begin < pixels.count; begin += kChunk) {
@@ -208,9 +213,9 @@ HWY_INLINE void SumAll(const DotModel& m, const DotPixels& pixels, const float* 
     float* tile = sums;
     for (std::size_t b = 0; b < kBlocks; ++b) {
       for (std::size_t a = 0; a <= b; ++a, tile += kTileSums * lanes) {
-        Multiply<kBlock>(columns + a * kBlock * kChunk, columns + b * kBlock * kChunk, count, tile);
+        Multiply<kBlock>(columns + a * kBlock * kChunk, columns + b * kBlock * kChunk, count, begin == 0, tile);
       }
-      Multiply<1>(columns + b * kBlock * kChunk, columns + kColumns * kChunk, count, right + b * kBlock * lanes);
+      Multiply<1>(columns + b * kBlock * kChunk, columns + kColumns * kChunk, count, begin == 0, right + b * kBlock * lanes);
     }
   }
   const auto total = [&](const float* at) { return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, hn::LoadU(d, at)))); };

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 namespace crosstie::markers::detail {
 namespace {
@@ -12,53 +13,59 @@ constexpr double kOutlier = 4.0;       // standard deviations from which on a pi
 constexpr double kQuantisation = 0.3;  // grey levels: no pixel is better than the rounding of its level
 constexpr double kMadToSigma = 1.4826;
 
+constexpr std::size_t kBins = 128;
+constexpr int kEnough = 8;
+
 /// Counts of residuals in bins of equal width; what is larger than all falls into the last one.
-class Histogram {
- public:
-  void add(std::size_t bin) { ++counts_[bin]; }
-  [[nodiscard]] bool enough() const { return std::accumulate(counts_.begin(), counts_.end(), 0) >= kEnough; }
+using Histogram = std::array<int, kBins>;
 
-  /// In bins, interpolated within its bin.
-  [[nodiscard]] double median() const {
-    const double half = 0.5 * std::accumulate(counts_.begin(), counts_.end(), 0);
-    double below = 0.0;
-    for (std::size_t bin = 0; bin < kBins; ++bin) {
-      const double here = counts_[bin];
-      if (below + here >= half) return static_cast<double>(bin) + (half - below) / std::max(here, 1.0);
-      below += here;
-    }
-    return kBins;
+/// In bins, interpolated within its bin; nothing of too few.
+std::optional<double> median_of(const Histogram& counts) {
+  const int all = std::accumulate(counts.begin(), counts.end(), 0);
+  if (all < kEnough) return std::nullopt;
+  int below = 0;
+  for (std::size_t bin = 0; bin < kBins; ++bin) {
+    const int here = counts[bin];
+    if (2 * (below + here) >= all) return static_cast<double>(bin) + (0.5 * all - below) / std::max(here, 1);
+    below += here;
   }
-
-  static constexpr std::size_t kBins = 256;
-
- private:
-  static constexpr int kEnough = 8;
-  std::array<int, kBins> counts_{};
-};
+  return kBins;
+}
 
 }  // namespace
 
 DotNoise noise_of(const PixelSet& pixels, double saturated_level) {
-  float steepest = 0.0F;
-  float sum = 0.0F;
-  for (std::size_t i = 0; i < pixels.used; ++i) {
-    steepest = std::max(steepest, std::abs(pixels.slope[i]));
-    sum += std::abs(pixels.residual[i]);
+  // In lanes, so that compilers can use vectors.
+  constexpr std::size_t kLanes = 8;
+  std::array<float, kLanes> steepest_of{}, sums{};
+  std::size_t pixel = 0;
+  for (; pixel + kLanes <= pixels.used; pixel += kLanes) {
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const float slope = std::abs(pixels.slope[pixel + lane]);
+      steepest_of[lane] = slope > steepest_of[lane] ? slope : steepest_of[lane];
+      sums[lane] += std::abs(pixels.residual[pixel + lane]);
+    }
   }
+  for (; pixel < pixels.used; ++pixel) {
+    steepest_of[0] = std::max(steepest_of[0], std::abs(pixels.slope[pixel]));
+    sums[0] += std::abs(pixels.residual[pixel]);
+  }
+  const float steepest = *std::max_element(steepest_of.begin(), steepest_of.end());
+  const float sum = std::accumulate(sums.begin(), sums.end(), 0.0F);
   // The medians of the parts lie below some times the mean of all.
   constexpr float kRange = 4.0F;
-  const float width = std::max(kRange * sum / static_cast<float>(pixels.used) / Histogram::kBins, 1e-6F);
+  const float width = std::max(kRange * sum / static_cast<float>(pixels.used) / kBins, 1e-6F);
   const float per_width = 1.0F / width;
   const auto saturated = static_cast<float>(saturated_level);
-  constexpr float kLast = Histogram::kBins - 1;
-  Histogram outer, inner, edge;
+  constexpr float kLast = kBins - 1;
+  std::array<Histogram, 2> sides{};  // outside and inside
+  Histogram edge{};
   for (std::size_t i = 0; i < pixels.used; ++i) {
     // Where the image is cut off, the residual says nothing of the noise.
     if (pixels.grey[i] >= saturated) continue;
     const auto bin = static_cast<std::size_t>(std::min(std::abs(pixels.residual[i]) * per_width, kLast));
-    (pixels.inside[i] < 0.5F ? outer : inner).add(bin);
-    if (std::abs(pixels.slope[i]) > 0.4F * steepest) edge.add(bin);
+    ++sides[pixels.inside[i] < 0.5F ? 0 : 1][bin];
+    edge[bin] += std::abs(pixels.slope[i]) > 0.4F * steepest ? 1 : 0;
   }
   // Residuals of an adjustment are smaller than the noise by what its parameters took up.
   const double redundancy =
@@ -66,9 +73,10 @@ DotNoise noise_of(const PixelSet& pixels, double saturated_level) {
   const double per_bin = kMadToSigma * static_cast<double>(width) / std::sqrt(redundancy);
   DotNoise noise;
   noise.steepest = std::max(static_cast<double>(steepest), 1e-6);
-  if (outer.enough()) noise.outer = std::max(kQuantisation, per_bin * outer.median());
-  noise.inner = inner.enough() ? std::max(kQuantisation, per_bin * inner.median()) : noise.outer;
-  if (edge.enough()) noise.edge = per_bin * edge.median();
+  if (const auto median = median_of(sides[0])) noise.outer = std::max(kQuantisation, per_bin * *median);
+  noise.inner = noise.outer;
+  if (const auto median = median_of(sides[1])) noise.inner = std::max(kQuantisation, per_bin * *median);
+  if (const auto median = median_of(edge)) noise.edge = per_bin * *median;
   return noise;
 }
 

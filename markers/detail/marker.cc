@@ -139,6 +139,7 @@ void remove_duplicates(std::vector<Marker>& markers, const MarkerFamily& family)
   for (const Marker& marker : markers) {
     const bool known = std::any_of(kept.begin(), kept.end(), [&](const Marker& other) {
       const Eigen::Vector2d e = marker.dot.ellipse.centre_px - other.dot.ellipse.centre_px;
+      if (e.cwiseAbs().maxCoeff() > family.ring_outer * other.dot.ellipse.semi_major_px) return false;
       const double rho = std::sqrt(e.dot(other.dot.ellipse.shape() * e));
       return rho < (read_in_full(other) ? family.ring_outer : 0.7);
     });

@@ -1,6 +1,7 @@
 #include "markers/detail/ring.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -26,14 +27,18 @@ double fraction_over_half(const std::vector<double>& values) {
 }
 
 /// The phase of the segment grid in samples, [0, kSamplesPerSegment), and how well the transitions agree with it.
-std::pair<double, double> grid_phase(const std::vector<double>& ring, int bits) {
-  const int n = static_cast<int>(ring.size());
+std::pair<double, double> grid_phase(const std::vector<double>& ring) {
+  const std::size_t n = ring.size();
+  std::array<double, kSamplesPerSegment> squares{};  // of the steps at each place in a segment
+  for (std::size_t k = 0; k < n; ++k) {
+    const double step = ring[k + 1 < n ? k + 1 : 0] - ring[k > 0 ? k - 1 : n - 1];
+    squares[k % kSamplesPerSegment] += step * step;
+  }
   std::complex<double> sum = 0.0;
   double total = 0.0;
-  for (int k = 0; k < n; ++k) {
-    const double step = ring[static_cast<std::size_t>((k + 1) % n)] - ring[static_cast<std::size_t>((k + n - 1) % n)];
-    sum += step * step * std::polar(1.0, 2.0 * std::numbers::pi * bits * k / n);
-    total += step * step;
+  for (std::size_t i = 0; i < squares.size(); ++i) {
+    sum += squares[i] * std::polar(1.0, 2.0 * std::numbers::pi * static_cast<double>(i) / kSamplesPerSegment);
+    total += squares[i];
   }
   if (total <= 0.0) return {0.0, 0.0};
   double phase = std::arg(sum) / (2.0 * std::numbers::pi) * kSamplesPerSegment;
@@ -145,18 +150,17 @@ RingReading read_ring(const Sampler& image, const MarkerFamily& family, const Do
   if (reading.cut) return reading;
   const auto [smallest, largest] = std::minmax_element(ring.begin(), ring.end());
   reading.range = *largest - *smallest;
-  const auto [phase, quality] = grid_phase(ring, family.bits);
+  const auto [phase, quality] = grid_phase(ring);
   reading.grid_quality = quality;
   const std::vector<double> means = segment_means(ring, family.bits, phase);
   classify(means, reading);
 
-  const RingGrid grid{family.bits, phase, reading.ring};
-  const RingCover cover = look_for_cover(family, dot, sweep, levels, grid, means, rhos, std::move(rings));
-  reading.misfit = cover.misfit;
-  reading.hidden = cover.hidden;
-  // The ring's light in the gap counts from the gap's own level there, however the light changes outwards.
-  for (std::size_t k = 0; k < ring.size(); ++k) ring[k] += levels.carried(k, 0.5 * (family.ring_inner + family.ring_outer));
-  reading.profile = std::move(ring);
+  if (family.id_of_ring(reading.ring)) {
+    const RingGrid grid(family.bits, phase, reading.ring);
+    const RingCover cover = look_for_cover(family, dot, sweep, levels, grid, means, rhos, std::move(rings));
+    reading.misfit = cover.misfit;
+    reading.hidden = cover.hidden;
+  }
   return reading;
 }
 

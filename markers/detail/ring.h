@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "markers/detail/dot_fit.h"
 #include "markers/detail/sampler.h"
@@ -18,10 +17,10 @@ struct RingReading {
   double range = 0.0;         ///< largest minus smallest value round the ring
   double bright_gap = 0.0;    ///< fraction of the gap's circumference that is not darker than the middle between dot and gap
   double bright_quiet = 0.0;  ///< the same of the quiet zone
+  // Both only of rings that are codes.
   double misfit = 0.0;  ///< largest mean deviation of a part of a segment from what code and blur predict, over the contrast
   bool hidden = false;  ///< something seems to lie over a segment: the border beyond a 0 is missing, a 1 has no quiet zone
-  std::vector<double> profile;  ///< the values round the ring, from the major axis on
-  bool cut = false;             ///< the ring reaches beyond the image
+  bool cut = false;     ///< the ring reaches beyond the image
 };
 
 /// Samples gap, ring, quiet zone and border in the affine frame of the dot's ellipse. Levels count from the gap's in that

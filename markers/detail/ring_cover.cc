@@ -10,6 +10,8 @@
 namespace crosstie::markers::detail {
 namespace {
 
+constexpr int kBeside = 1;  // neighbours on either side that single samples are smoothed over
+
 double quantile(std::vector<double> values, double share) {
   const auto place = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), place, values.end());
@@ -21,51 +23,66 @@ class RingImage {
  public:
   RingImage(const RingGrid& grid, const MarkerFamily& family, const DotFit& dot, const RingSweep& sweep,
             const std::vector<double>& means)
-      : grid_(grid), family_(family), dot_(dot), sweep_(sweep) {
+      : grid_(grid), family_(family) {
     constexpr double kInterpolationVariance = 1.0 / 6.0;  // of bilinear sampling, px^2
-    blur_px_ = std::sqrt(dot.blur_px * dot.blur_px + kInterpolationVariance);
+    per_blur_ = 1.0 / std::sqrt(dot.blur_px * dot.blur_px + kInterpolationVariance);
     set_brightness(means);
+    const double a = dot.ellipse.semi_major_px;
+    const double b = dot.ellipse.semi_minor_px;
+    const double per_segment = a * b * 2.0 * std::numbers::pi / grid.bits() * per_blur_;
+    directions_.reserve(sweep.count());
+    for (std::size_t k = 0; k < sweep.count(); ++k) {
+      const Eigen::Vector2d& unit = sweep.unit(k);
+      const double across = per_blur_ / std::sqrt(std::pow(unit.x() / a, 2) + std::pow(unit.y() / b, 2));
+      const double place = grid.place(k);
+      const int segment = static_cast<int>(place);
+      directions_.push_back({across, per_segment / sweep.direction(k).norm(), place - segment, grid.bit(segment),
+                             grid.bit(segment - 1), grid.bit(segment + 1),
+                             std::max(brightness_[static_cast<std::size_t>(segment % grid.bits())], 0.0)});
+    }
   }
 
   /// Value at `rho` in direction `k`.
   [[nodiscard]] double at(std::size_t k, double rho) const {
-    const double radial = share(k, rho, family_.ring_inner, family_.ring_outer);
-    const double a = dot_.ellipse.semi_major_px;
-    const double b = dot_.ellipse.semi_minor_px;
-    const double px_per_segment = a * b * rho / sweep_.direction(k).norm() * 2.0 * std::numbers::pi / grid_.bits;
-    const double place = grid_.place(k);
-    const int segment = static_cast<int>(place);
-    const double inside = place - segment;
-    const double before = edge_profile(-inside * px_per_segment / blur_px_).distribution;
-    const double after = edge_profile((inside - 1.0) * px_per_segment / blur_px_).distribution;
-    const double set =
-        grid_.bit(segment) * (1.0 - before - after) + grid_.bit(segment - 1) * before + grid_.bit(segment + 1) * after;
-    const double bright = std::max(brightness_[static_cast<std::size_t>(segment % grid_.bits)], 0.0);
-    return zeros_ + (bright - zeros_) * radial * set;
+    const Direction& d = directions_[k];
+    double set = d.bit;
+    const double blurs = d.along * rho;
+    if (d.before != d.bit) set += (d.before - d.bit) * edge_distribution(-d.inside * blurs);
+    if (d.after != d.bit) set += (d.after - d.bit) * edge_distribution((d.inside - 1.0) * blurs);
+    return set == 0.0 ? zeros_ : zeros_ + (d.bright - zeros_) * set * share(k, rho, family_.ring_inner, family_.ring_outer);
   }
+
+  /// Of the segment in direction `k`: the dot's, or more where it lies in brighter light than the dot.
+  [[nodiscard]] double light(std::size_t k) const { return std::max(directions_[k].bright, 1.0); }
 
   /// What the blur leaves of a circle from `inner` to `outer` at `rho`.
   [[nodiscard]] double share(std::size_t k, double rho, double inner, double outer) const {
-    const double phi = sweep_.angle_rad(k);
-    const double px_per_rho =
-        1.0 / std::hypot(std::cos(phi) / dot_.ellipse.semi_major_px, std::sin(phi) / dot_.ellipse.semi_minor_px);
-    return edge_profile((rho - inner) * px_per_rho / blur_px_).distribution -
-           edge_profile((rho - outer) * px_per_rho / blur_px_).distribution;
+    const double across = directions_[k].across;
+    return edge_distribution((rho - inner) * across) - edge_distribution((rho - outer) * across);
   }
 
  private:
+  /// What stays the same along a radius.
+  struct Direction {
+    double across;              ///< blurs for each dot radius, across the ring
+    double along;               ///< the same for each segment along it, at rho = 1
+    double inside;              ///< place within its segment
+    double bit, before, after;  ///< this segment, and those beside it
+    double bright;              ///< of the segment
+  };
+
   /// A whole segment is as bright as it is, light and print differ; what the blur spreads into a 0 comes from the nearest ones.
   void set_brightness(const std::vector<double>& means) {
     std::vector<double> all_ones, all_zeros;
-    for (int s = 0; s < grid_.bits; ++s) {
+    for (int s = 0; s < grid_.bits(); ++s) {
       (grid_.bit(s) > 0.5 ? all_ones : all_zeros).push_back(means[static_cast<std::size_t>(s)]);
     }
     // The darker ones of the zeros: what lies over some of them is brighter or hidden by being alike.
     zeros_ = all_zeros.empty() ? 0.0 : quantile(all_zeros, 0.25);
     const double ones = all_ones.empty() ? 1.0 : quantile(all_ones, 0.5);
-    for (int s = 0; s < grid_.bits; ++s) {
-      const double before = means[static_cast<std::size_t>((s + grid_.bits - 1) % grid_.bits)];
-      const double after = means[static_cast<std::size_t>((s + 1) % grid_.bits)];
+    for (int s = 0; s < grid_.bits(); ++s) {
+      const double before = means[static_cast<std::size_t>((s + grid_.bits() - 1) % grid_.bits())];
+      const double after = means[static_cast<std::size_t>((s + 1) % grid_.bits())];
       double value = means[static_cast<std::size_t>(s)];
       if (grid_.bit(s) < 0.5) {
         const double n = grid_.bit(s - 1) + grid_.bit(s + 1);
@@ -77,29 +94,29 @@ class RingImage {
 
   const RingGrid& grid_;
   const MarkerFamily& family_;
-  const DotFit& dot_;
-  const RingSweep& sweep_;
-  double blur_px_ = 0.0;
+  double per_blur_ = 0.0;
   double zeros_ = 0.0;
   std::vector<double> brightness_;
+  std::vector<Direction> directions_;
 };
 
 /// Values of all directions at a radius minus those of the image of the code.
 std::vector<double> deviations(const std::vector<double>& values, const RingImage& image, double rho) {
-  std::vector<double> result;
-  for (std::size_t k = 0; k < values.size(); ++k) result.push_back(values[k] - image.at(k, rho));
+  std::vector<double> result(values.size());
+  for (std::size_t k = 0; k < values.size(); ++k) result[k] = values[k] - image.at(k, rho);
   return result;
 }
 
-/// Largest mean deviation over the thirds of segments of one half of the ring; `rings` are the deviations at its radii.
-double largest_misfit(const RingGrid& grid, std::span<const std::vector<double>> rings) {
+/// Largest mean deviation over the thirds of segments of one half of the ring, in that segment's own light; `rings` are the
+/// deviations at its radii. The edge of a shadow that crosses a segment is no other thing over it.
+double largest_misfit(const RingGrid& grid, const RingImage& expected, std::span<const std::vector<double>> rings) {
   constexpr int kThirds = 3;
-  const auto parts = static_cast<std::size_t>(grid.bits * kThirds);
+  const auto parts = static_cast<std::size_t>(grid.bits() * kThirds);
   std::vector<double> sums(parts, 0.0), counts(parts, 0.0);
   for (const std::vector<double>& ring : rings) {
     for (std::size_t k = 0; k < ring.size(); ++k) {
       const auto part = static_cast<std::size_t>(grid.place(k) * kThirds) % parts;
-      sums[part] += ring[k];
+      sums[part] += ring[k] / expected.light(k);
       counts[part] += 1.0;
     }
   }
@@ -147,23 +164,24 @@ std::vector<double> quiet_deviations(const MarkerFamily& family, const RingLevel
 }
 
 std::vector<bool> hidden_directions(const MarkerFamily& family, const RingLevels& levels, const RingImage& expected,
-                                    const std::vector<double>& outer) {
+                                    const std::vector<double>& quiet, const std::vector<double>& outer) {
   constexpr double kFaintest = 0.3;  // of a border that the blur leaves enough of
   if (family.border_outer > family.disc_outer) {
     const double rho = 0.5 * (family.disc_outer + family.border_outer);
-    std::vector<double> border = smoothed(levels.at(rho), 2, kOutside);
+    std::vector<double> border = smoothed(levels.at(rho), kBeside, kOutside);
     for (std::size_t k = 0; k < border.size(); ++k) {
       const double left = expected.share(k, rho, family.disc_outer, family.border_outer);
       border[k] = left > kFaintest ? border[k] / left : kOutside;
     }
     return hidden_with_border(border, outer);
   }
-  return hidden_without_border(smoothed(quiet_deviations(family, levels, expected), 2, kOutside), outer);
+  return hidden_without_border(smoothed(quiet, kBeside, kOutside), outer);
 }
 
 /// Directions in which something reaches over the gap too: the ring's values count from the gap's level and say nothing there.
 std::vector<bool> covered_gap(const MarkerFamily& family, const RingLevels& levels, const RingImage& expected) {
-  const std::vector<double> gap = deviations(smoothed(levels.gap(), 2, kOutside), expected, 0.5 * (1.0 + family.ring_inner));
+  const std::vector<double> gap =
+      deviations(smoothed(levels.gap(), kBeside, kOutside), expected, 0.5 * (1.0 + family.ring_inner));
   std::vector<double> seen;
   for (const double value : gap) {
     if (std::isfinite(value)) seen.push_back(value);
@@ -182,7 +200,7 @@ bool has_hidden_segment(const RingGrid& grid, const std::vector<bool>& hidden, c
                         const std::vector<double>& means) {
   constexpr double kPart = 0.25;  // of a segment's width
   constexpr double kQuiet = 0.5;  // of a 1
-  std::vector<int> counts(static_cast<std::size_t>(grid.bits), 0);
+  std::vector<int> counts(static_cast<std::size_t>(grid.bits()), 0);
   for (std::size_t k = 0; k < hidden.size(); ++k) {
     const auto segment = static_cast<std::size_t>(grid.place(k)) % counts.size();
     const bool one = grid.bit(static_cast<int>(segment)) > 0.5;
@@ -193,6 +211,10 @@ bool has_hidden_segment(const RingGrid& grid, const std::vector<bool>& hidden, c
 
 }  // namespace
 
+RingGrid::RingGrid(int bits, double phase, std::uint64_t ring) : phase_(phase) {
+  for (int s = bits - 1; s >= 0; --s) set_.push_back(static_cast<double>(ring >> s & 1U));
+}
+
 RingCover look_for_cover(const MarkerFamily& family, const DotFit& dot, const RingSweep& sweep, const RingLevels& levels,
                          const RingGrid& grid, const std::vector<double>& means, const std::vector<double>& rhos,
                          std::vector<std::vector<double>> rings) {
@@ -201,11 +223,13 @@ RingCover look_for_cover(const MarkerFamily& family, const DotFit& dot, const Ri
   const std::span<const std::vector<double>> halves(rings);
   const std::size_t half = (rings.size() + 1) / 2;
   RingCover cover;
-  cover.misfit = std::max(largest_misfit(grid, halves.first(half)), largest_misfit(grid, halves.last(half)));
-  std::vector<bool> hidden = hidden_directions(family, levels, expected, smoothed(rings.back(), 2, 0.0));
+  cover.misfit =
+      std::max(largest_misfit(grid, expected, halves.first(half)), largest_misfit(grid, expected, halves.last(half)));
+  const std::vector<double> quiet = quiet_deviations(family, levels, expected);
+  std::vector<bool> hidden = hidden_directions(family, levels, expected, quiet, smoothed(rings.back(), kBeside, 0.0));
   const std::vector<bool> covered = covered_gap(family, levels, expected);
   for (std::size_t k = 0; k < hidden.size(); ++k) hidden[k] = hidden[k] || covered[k];
-  cover.hidden = has_hidden_segment(grid, hidden, quiet_deviations(family, levels, expected), means);
+  cover.hidden = has_hidden_segment(grid, hidden, quiet, means);
   return cover;
 }
 

@@ -8,19 +8,22 @@
 namespace crosstie::markers::detail {
 
 /// The segments' grid and what was read on it.
-struct RingGrid {
-  int bits = 0;
-  double phase = 0.0;  // samples
-  std::uint64_t ring = 0;
+class RingGrid {
+ public:
+  /// The first segment begins at `phase` samples.
+  RingGrid(int bits, double phase, std::uint64_t ring);
 
-  [[nodiscard]] double bit(int segment) const {
-    return static_cast<double>((ring >> (bits - 1 - (segment % bits + bits) % bits)) & 1U);
-  }
+  [[nodiscard]] int bits() const { return static_cast<int>(set_.size()); }
+  [[nodiscard]] double bit(int segment) const { return set_[static_cast<std::size_t>((segment + bits()) % bits())]; }
   /// Place of sample `k` in segments, 0 <= place < bits.
   [[nodiscard]] double place(std::size_t k) const {
-    const double place = (static_cast<double>(k) - phase) / kSamplesPerSegment;
-    return place < 0.0 ? place + bits : place;
+    const double place = (static_cast<double>(k) - phase_) / kSamplesPerSegment;
+    return place < 0.0 ? place + bits() : place;
   }
+
+ private:
+  double phase_;
+  std::vector<double> set_;  ///< 0 or 1
 };
 
 /// What speaks for something lying over a ring; both of RingReading.

@@ -52,7 +52,7 @@ std::optional<RingLight> RingLight::of(const Sampler& image, const DotFit& dot, 
   for (double& f : light.profile_) {
     const Eigen::Vector2d u(unit.real(), unit.imag());
     const Eigen::Vector2d edge = pixel_from_unit * u;
-    const double gradient = std::hypot(u.x() / dot.ellipse.semi_major_px, u.y() / dot.ellipse.semi_minor_px);
+    const double gradient = Eigen::Vector2d(u.x() / dot.ellipse.semi_major_px, u.y() / dot.ellipse.semi_minor_px).norm();
     double sum = 0.0;
     double bracket = 0.0;
     for (const double share : kShares) {
@@ -71,7 +71,7 @@ std::optional<RingLight> RingLight::of(const Sampler& image, const DotFit& dot, 
 
 double RingLight::bracket(double rho, double gradient) const {
   const double per_blur = 1.0 / (gradient * blur_px_);
-  return edge_profile((rho - inner_rho_) * per_blur).distribution - edge_profile((rho - outer_rho_) * per_blur).distribution;
+  return edge_distribution((rho - inner_rho_) * per_blur) - edge_distribution((rho - outer_rho_) * per_blur);
 }
 
 void RingLight::take_off(PixelSet& pixels) const {

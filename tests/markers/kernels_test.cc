@@ -13,6 +13,7 @@
 
 #include "markers/detail/blobs.h"
 #include "markers/detail/dot_kernel.h"
+#include "markers/detail/edge_profile.h"
 #include "markers/detail/level_kernels.h"
 #include "markers/detect.h"
 #include "tests/markers/rendered_marker.h"
@@ -315,6 +316,14 @@ TEST_F(Kernels, CentresAreTheSameOnAllInstructionSetsAndInAllRuns) {
     EXPECT_LT((here.centre_px - first.centre_px).norm(), 1e-3 * std::sqrt(first.cov_px2.trace()));
     EXPECT_EQ(here.id, first.id);
   });
+}
+
+TEST(EdgeProfile, KeepsToTheNormalDistribution) {
+  for (double t = -8.5; t < 8.5; t += 0.0037) {
+    const double distribution = 0.5 * std::erfc(-t / std::numbers::sqrt2);
+    EXPECT_NEAR(edge_profile(t).distribution, distribution, 1e-9) << t;
+    EXPECT_NEAR(edge_distribution(t), distribution, 1e-5) << t;
+  }
 }
 
 }  // namespace
