@@ -83,7 +83,7 @@ Verb adjust_verb() {
       "bundle-adjust a network of photographs: coordinates, poses and lenses with full covariance",
       "  $ crosstie adjust cross\n"
       "  detect  24 images, up to date\n"
-      "  adjust  57 points (9 uncoded) from 24 images, sigma0 0.0025 px, redundancy 1976, 11 rejected, 1 warnings\n"
+      "  adjust  57 points (9 uncoded) from 24 images, sigma0 0.0025 px, redundancy 1974, 12 rejected, 2 warnings\n"
       "  cross/results/adjust/result.json",
       {{"JOB", "JOB", "job folder or its job.toml", false, false},
        {"--out", "DIR", "folder for the result (default: JOB/results/adjust); replaced as a whole", false, false},

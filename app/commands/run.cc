@@ -54,7 +54,7 @@ Verb run_verb() {
           "do all that a job asks for, recomputing only what changed",
           "  $ crosstie run cross\n"
           "  detect  24 images, 1042 coded markers\n"
-          "  adjust  57 points (9 uncoded) from 24 images, sigma0 0.0025 px, redundancy 1976, 11 rejected, 1 warnings\n"
+          "  adjust  57 points (9 uncoded) from 24 images, sigma0 0.0025 px, redundancy 1974, 12 rejected, 2 warnings\n"
           "  verify  44 points, RMS 0.0084 0.0071 0.0085 mm (x y z), deviation over predicted sigma 0.93; 0 of 9 uncoded have "
           "a partner",
           {{"JOB", "JOB", "job folder or its job.toml", true, false},
