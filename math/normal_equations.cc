@@ -233,7 +233,7 @@ Result<> NormalEquations::factorise(MatrixXd reduced, double min_eigenvalue) {
     for (int i = 0; i < kept; ++i) basis.row(i) = null_space_.row(kept_index_[static_cast<std::size_t>(i)]) / scale_(i);
     for (Eigen::Index i = 0; i < basis.cols(); ++i) basis.col(i) /= std::max(basis.col(i).norm(), 1e-300);
     const Eigen::ColPivHouseholderQR<MatrixXd> qr(basis);
-    if (qr.absDeterminant() < 0.0 || std::abs(qr.matrixR()(basis.cols() - 1, basis.cols() - 1)) < 1e-9) {
+    if (std::abs(qr.matrixR()(basis.cols() - 1, basis.cols() - 1)) < 1e-9) {
       return fail(ErrorCode::kNoUniqueSolution,
                   "the kept unknowns cannot carry the datum: their positions coincide, or are too few, for the " +
                       std::to_string(basis.cols()) + " free directions of the network");
