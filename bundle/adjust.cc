@@ -98,7 +98,7 @@ Result<Estimate> snoop(const Survey& survey, const AdjustOptions& options, Weigh
     progress("outliers", static_cast<std::size_t>(round), kMaxRounds);
     detail::prune(survey, options, state, reasons);
     plan.whitening = weights.whitening();
-    auto at = detail::estimate(survey, state, plan, {false, options.max_iterations, kCoarse}, progress);
+    auto at = detail::estimate(survey, state, plan, {round == 0, options.max_iterations, kCoarse}, progress);
     if (!at) return at;
     const double change = weights.update(survey, *at, false);
     if (change > 1e-3 && round + 1 < kMaxRounds) {
