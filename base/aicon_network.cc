@@ -43,15 +43,19 @@ Pose pose_of(const AiconImage& image) {
   return {(rotation * turn).normalized(), image.position_mm};
 }
 
+/// Of an AICON lens, from its constants.
+Eigen::Vector2d px_per_mm(const Camera& camera) {
+  const Eigen::Vector2d sensor_mm = camera.parameters().segment<2>(11);
+  return {camera.width_px() / sensor_mm.x(), camera.height_px() / sensor_mm.y()};
+}
+
 /// An observation at a place on the sensor (mm, y up).
 Observation observation_of(const Camera& camera, const AiconImagePoint& point, const Eigen::Vector2d& sigma_px) {
-  const Eigen::VectorXd& p = camera.parameters();
-  const double per_x = camera.width_px() / p(11);
-  const double per_y = camera.height_px() / p(12);
+  const Eigen::Vector2d per_mm = px_per_mm(camera);
   Observation observation;
   observation.id = point.point;
-  observation.centre_px = {0.5 * (camera.width_px() - 1) + point.xy_mm.x() * per_x,
-                           0.5 * (camera.height_px() - 1) - point.xy_mm.y() * per_y};
+  observation.centre_px = {0.5 * (camera.width_px() - 1) + point.xy_mm.x() * per_mm.x(),
+                           0.5 * (camera.height_px() - 1) - point.xy_mm.y() * per_mm.y()};
   observation.cov_px2 = sigma_px.cwiseAbs2().asDiagonal();
   observation.margin = 1.0;
   observation.status = ObservationStatus::kCoded;
@@ -168,11 +172,11 @@ Result<Network> read_aicon_network(const AiconProject& project, const AiconNetwo
     if (special.excluded.contains(key)) continue;
     ImageObservations& observations = network.images[image->second];
     const Camera& camera = network.cameras[camera_of_id.at((*images)[image->second].camera)].camera;
-    const Eigen::Vector2d px_per_mm(camera.width_px() / camera.parameters()(11), camera.height_px() / camera.parameters()(12));
+    const Eigen::Vector2d per_mm = px_per_mm(camera);
     const auto own = special.sigma_mm.find(key);
     Eigen::Vector2d sigma_px =
-        options.sigma_px > 0.0 ? Eigen::Vector2d::Constant(options.sigma_px) : Eigen::Vector2d(options.sigma_mm * px_per_mm);
-    if (own != special.sigma_mm.end()) sigma_px = own->second * px_per_mm;
+        options.sigma_px > 0.0 ? Eigen::Vector2d::Constant(options.sigma_px) : Eigen::Vector2d(options.sigma_mm * per_mm);
+    if (own != special.sigma_mm.end()) sigma_px = own->second * per_mm;
     observations.observations.push_back(observation_of(camera, entry, sigma_px));
   }
   if (auto ok = special.all_found(project.image_points); !ok) return fail(std::move(ok));

@@ -98,13 +98,13 @@ Result<Estimate> snoop(const Survey& survey, const AdjustOptions& options, Weigh
     progress("outliers", static_cast<std::size_t>(round), kMaxRounds);
     detail::prune(survey, options, state, reasons);
     plan.whitening = weights.whitening();
-    auto at = detail::estimate(survey, state, plan, {round == 0, options.max_iterations, kCoarse}, progress);
+    auto at = detail::estimate(survey, state, plan, {options.max_iterations, kCoarse}, progress);
     if (!at) return at;
     const double change = weights.update(survey, *at, false);
     if (change > 1e-3 && round + 1 < kMaxRounds) {
       if (change > 0.02) continue;  // sigmas first, they decide what is an outlier
       plan.whitening = weights.whitening();
-      at = detail::estimate(survey, state, plan, {false, options.max_iterations, kCoarse}, progress);
+      at = detail::estimate(survey, state, plan, {options.max_iterations, kCoarse}, progress);
       if (!at) return at;
     }
     if (!options.reject_outliers || detail::reject_largest(survey, options, *at, state) == 0) {
@@ -135,15 +135,15 @@ Result<Estimate> settle_weights(const Survey& survey, const AdjustOptions& optio
   constexpr int kMaxUpdates = 30;
   if (!weights.estimated()) {
     plan.whitening = weights.whitening();
-    return detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+    return detail::estimate(survey, state, plan, {options.max_iterations}, progress);
   }
   for (int update = 0;; ++update) {
     plan.whitening = weights.whitening();
-    auto at = detail::estimate(survey, state, plan, {false, options.max_iterations, kCoarse}, progress);
+    auto at = detail::estimate(survey, state, plan, {options.max_iterations, kCoarse}, progress);
     if (!at || update == kMaxUpdates) return at;
     if (weights.update(survey, *at, false) < kSettled) {
       plan.whitening = weights.whitening();
-      return detail::estimate(survey, state, plan, {false, options.max_iterations}, progress);
+      return detail::estimate(survey, state, plan, {options.max_iterations}, progress);
     }
   }
 }
@@ -300,14 +300,14 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
   } else if (!controlled) {
     if (auto ok = detail::move_onto_datum(*survey, *state, survey->scale_is_free); !ok) return fail(std::move(ok));
   }
-  at = detail::estimate(*survey, *state, *plan, {false, options.max_iterations}, progress);
+  at = detail::estimate(*survey, *state, *plan, {options.max_iterations}, progress);
   if (!at) return fail(std::move(at));
   if (auto ok = check_dot_diameter(*survey, detail::coded_only(*survey, *state)); !ok) return fail(std::move(ok));
   detail::explain(*survey, *state, kAgreement * robust_px, reasons);
   auto result = detail::make_outcome(*survey, options, *state, *at, weights, reasons);
   if (!result) return result;
   result->uncoded = std::move(uncoded);
-  detail::diagnose(*survey, options, *state, *at, weights, *result);
+  detail::diagnose(*survey, *state, weights, *result);
   return result;
 }
 

@@ -44,35 +44,28 @@ Table points_table(const base::AdjustedNetwork& network) {
   return table;
 }
 
+void add_pose_columns(Table& table) {
+  table.columns.insert(table.columns.end(),
+                       {"qw", "qx", "qy", "qz", "x_mm", "y_mm", "z_mm", "sigma_position_x_mm", "sigma_position_y_mm",
+                        "sigma_position_z_mm", "sigma_rotation_x_rad", "sigma_rotation_y_rad", "sigma_rotation_z_rad"});
+}
+
+void append_pose(std::vector<std::string>& row, const base::Pose& pose, const base::Matrix6d& cov) {
+  const Eigen::Quaterniond& q = pose.rotation;
+  append(row, Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()));
+  append(row, pose.translation_mm);
+  append(row, base::position_covariance(pose, cov).diagonal().cwiseMax(0.0).cwiseSqrt());
+  append(row, cov.diagonal().head<3>().cwiseMax(0.0).cwiseSqrt());
+}
+
 Table images_table(const base::AdjustedNetwork& network) {
   Table table;
-  table.columns = {"image",
-                   "camera",
-                   "qw",
-                   "qx",
-                   "qy",
-                   "qz",
-                   "x_mm",
-                   "y_mm",
-                   "z_mm",
-                   "sigma_position_x_mm",
-                   "sigma_position_y_mm",
-                   "sigma_position_z_mm",
-                   "sigma_rotation_x_rad",
-                   "sigma_rotation_y_rad",
-                   "sigma_rotation_z_rad",
-                   "rays",
-                   "rms_px",
-                   "max_px",
-                   "coverage"};
+  table.columns = {"image", "camera"};
+  add_pose_columns(table);
+  table.columns.insert(table.columns.end(), {"rays", "rms_px", "max_px", "coverage"});
   for (const base::AdjustedImage& image : network.images) {
-    const Eigen::Quaterniond& q = image.network_from_camera.rotation;
     std::vector<std::string> row = {image.name, image.camera};
-    append(row, Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()));
-    append(row, image.network_from_camera.translation_mm);
-    const Eigen::Matrix3d position = base::position_covariance(image.network_from_camera, image.cov);
-    append(row, position.diagonal().cwiseMax(0.0).cwiseSqrt());
-    append(row, image.cov.diagonal().head<3>().cwiseMax(0.0).cwiseSqrt());
+    append_pose(row, image.network_from_camera, image.cov);
     row.push_back(std::to_string(image.rays));
     append(row, Eigen::Vector3d(image.rms_px, image.max_px, image.coverage));
     table.rows.push_back(std::move(row));
@@ -144,30 +137,12 @@ Table scale_bars_table(const base::AdjustedNetwork& network) {
 
 Table rigs_table(const base::AdjustedNetwork& network) {
   Table table;
-  table.columns = {"rig",
-                   "camera",
-                   "stations",
-                   "qw",
-                   "qx",
-                   "qy",
-                   "qz",
-                   "x_mm",
-                   "y_mm",
-                   "z_mm",
-                   "sigma_position_x_mm",
-                   "sigma_position_y_mm",
-                   "sigma_position_z_mm",
-                   "sigma_rotation_x_rad",
-                   "sigma_rotation_y_rad",
-                   "sigma_rotation_z_rad"};
+  table.columns = {"rig", "camera", "stations"};
+  add_pose_columns(table);
   for (const base::AdjustedRig& rig : network.rigs) {
     for (const base::AdjustedMount& mount : rig.mounts) {
-      const Eigen::Quaterniond& q = mount.rig_from_camera.rotation;
       std::vector<std::string> row = {rig.name, mount.camera, std::to_string(rig.stations)};
-      append(row, Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()));
-      append(row, mount.rig_from_camera.translation_mm);
-      append(row, base::position_covariance(mount.rig_from_camera, mount.cov).diagonal().cwiseMax(0.0).cwiseSqrt());
-      append(row, mount.cov.diagonal().head<3>().cwiseMax(0.0).cwiseSqrt());
+      append_pose(row, mount.rig_from_camera, mount.cov);
       table.rows.push_back(std::move(row));
     }
   }

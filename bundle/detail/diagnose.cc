@@ -126,7 +126,7 @@ void about_wrong_ids(AdjustedNetwork& result) {
       {"wrong_ids", found, "these image points lie where other ids are expected and were left out: " + found});
 }
 
-void about_weights(const AdjustOptions& options, const Weights& weights, AdjustedNetwork& result) {
+void about_weights(const Weights& weights, AdjustedNetwork& result) {
   const bool uncoded =
       std::any_of(result.points.begin(), result.points.end(), [](const auto& point) { return point.kind == "uncoded"; });
   if (weights.estimated() && (result.model_sigma_px > 0.0 || (uncoded && result.uncoded_model_sigma_px > 0.0))) {
@@ -142,14 +142,11 @@ void about_weights(const AdjustOptions& options, const Weights& weights, Adjuste
          fmt::format("sigma0 is {:.2f}: the a priori sigmas are too {} by that factor; the covariances are scaled by it",
                      result.sigma0, result.sigma0 > 1.0 ? "small" : "large")});
   }
-  static_cast<void>(options);
 }
 
 }  // namespace
 
-void diagnose(const Survey& survey, const AdjustOptions& options, const State& state, const Estimate& at,
-              const Weights& weights, AdjustedNetwork& result) {
-  static_cast<void>(at);
+void diagnose(const Survey& survey, const State& state, const Weights& weights, AdjustedNetwork& result) {
   result.warnings.insert(result.warnings.end(), survey.warnings.begin(), survey.warnings.end());
   about_scale(result);
   about_control(result);
@@ -158,7 +155,7 @@ void diagnose(const Survey& survey, const AdjustOptions& options, const State& s
   about_images(result);
   about_points(result);
   about_uncoded(result);
-  about_weights(options, weights, result);
+  about_weights(weights, result);
   about_wrong_ids(result);
   std::size_t total = survey.rays.size();
   std::size_t moved = 0;

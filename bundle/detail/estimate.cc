@@ -145,9 +145,13 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
   NetworkModel network = build_model(survey, state, plan);
   const math::Parameters parameters = network.model.parameters();
   const std::vector<Block> start = network.model.blocks;
-  bool minimise_now = options.minimise_first;
+  bool minimise_now = false;
   bool minimised = false;
   double last = std::numeric_limits<double>::infinity();
+  const auto start_over = [&] {  // Gauss-Newton went astray: back, and the damped method first
+    network.model.blocks = start;
+    minimise_now = true;
+  };
   for (int step_number = 0;; ++step_number) {
     if (progress.cancelled()) return base::cancelled("the adjustment");
     if (minimise_now) {
@@ -157,12 +161,12 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
       state.iterations += summary->iterations;
       minimise_now = false;
       minimised = true;
+      step_number = 0;
     }
     math::WhitenedRows rows;
     if (!network.model.linearise(rows)) {
-      if (!minimised) {  // Gauss-Newton went astray: back, and the damped method first
-        network.model.blocks = start;
-        minimise_now = true;
+      if (!minimised) {
+        start_over();
         continue;
       }
       return fail(ErrorCode::kNoUniqueSolution, "the adjustment drives points behind the cameras; the network is too weak");
@@ -172,7 +176,11 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
     const Eigen::VectorXd step = equations->step();
     const double moved = std::sqrt(moved_predictions(rows, parameters, step));
     if (moved < options.tolerance || step_number >= kMaxSteps) {
-      if (moved > std::max(1e-3, options.tolerance)) {
+      if (moved > std::max(kConverged, options.tolerance)) {
+        if (!minimised) {
+          start_over();
+          continue;
+        }
         return fail(ErrorCode::kNoUniqueSolution, "the adjustment does not converge: its steps still move " +
                                                       most_moved(rows, parameters, step) +
                                                       "; the observations hardly determine it, or contradict each other");
@@ -186,8 +194,7 @@ Result<Estimate> estimate(const Survey& survey, State& state, const ModelPlan& p
           std::move(network), std::move(rows), std::move(*equations), square_sum, observations, unknowns, redundancy, moved};
     }
     if (moved > 2.0 * last && !minimised) {
-      network.model.blocks = start;
-      minimise_now = true;
+      start_over();
     } else {
       network.model.move(step);
     }

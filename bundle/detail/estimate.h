@@ -31,7 +31,6 @@ struct Estimate {
 };
 
 struct EstimateOptions {
-  bool minimise_first = false;  ///< true: start with Levenberg-Marquardt; else Gauss-Newton at once, from near the minimum
   int max_iterations = 100;
   /// |J dx| of the last step in sigmas of the whole network at which it ends. Default: no digit that is written changes any
   /// more.

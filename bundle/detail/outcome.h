@@ -17,7 +17,6 @@ base::Result<base::AdjustedNetwork> make_outcome(const Survey& survey, const Adj
 /// Warnings about what weakens the network; what its parts look at stands in diagnose.h. Besides: few rays, small angles, one
 /// bar, contradicting bars and control points, uncontrolled observations, moved points, images left out, an a priori sigma that
 /// the residuals contradict.
-void diagnose(const Survey& survey, const AdjustOptions& options, const State& state, const Estimate& at,
-              const Weights& weights, base::AdjustedNetwork& result);
+void diagnose(const Survey& survey, const State& state, const Weights& weights, base::AdjustedNetwork& result);
 
 }  // namespace crosstie::bundle::detail
