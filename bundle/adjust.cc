@@ -9,7 +9,6 @@
 #include "bundle/detail/eccentricity.h"
 #include "bundle/detail/estimate.h"
 #include "bundle/detail/frame.h"
-#include "bundle/detail/minimise.h"
 #include "bundle/detail/outcome.h"
 #include "bundle/detail/outliers.h"
 #include "bundle/detail/rig.h"
@@ -18,6 +17,7 @@
 #include "bundle/detail/triangulate.h"
 #include "bundle/detail/uncoded.h"
 #include "bundle/detail/weights.h"
+#include "math/minimise.h"
 
 namespace crosstie::bundle {
 namespace {
@@ -82,7 +82,7 @@ Result<> settle_robustly(const Survey& survey, const AdjustOptions& options, con
   constexpr double kRobustSigmas = 3.0;
   plan.whitening = weights.whitening();
   detail::NetworkModel network = detail::build_model(survey, state, plan);
-  auto summary = detail::minimise(
+  auto summary = math::minimise(
       network.model, {.max_iterations = options.max_iterations, .robust_scale = kRobustSigmas, .function_tolerance = 1e-8},
       progress);
   if (!summary) return fail(std::move(summary));

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bundle/detail/minimise.h"
 #include "bundle/detail/resection.h"
 #include "bundle/detail/triangulate.h"
+#include "math/minimise.h"
 
 namespace crosstie::bundle::detail {
 namespace {
@@ -202,10 +202,10 @@ bool Growth::settle() {
   }
   NetworkModel network = build_model(survey_, agreeing, plan);
   const double before = robust_sigma_px(survey_, agreeing);
-  const MinimiseOptions how{.max_iterations = std::min(50, options_.max_iterations),
-                            .robust_scale = std::max(0.2, 2.0 * before),
-                            .function_tolerance = 1e-6};
-  if (!minimise(network.model, how, progress_)) return false;
+  const math::MinimiseOptions how{.max_iterations = std::min(50, options_.max_iterations),
+                                  .robust_scale = std::max(0.2, 2.0 * before),
+                                  .function_tolerance = 1e-6};
+  if (!math::minimise(network.model, how, progress_)) return false;
   read_back(survey_, network, state_);
   directions_ = ray_directions(survey_, state_);
   const double sigma = robust_sigma_px(survey_, state_);

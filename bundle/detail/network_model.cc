@@ -8,13 +8,13 @@
 #include <Eigen/QR>
 
 #include "bundle/detail/distance.h"
-#include "bundle/detail/prior.h"
+#include "math/prior.h"
 
 namespace crosstie::bundle::detail {
 namespace {
 
-Block camera_block(const base::NetworkCamera& camera, const Eigen::VectorXd& lens, std::vector<int> free) {
-  Block block;
+math::Block camera_block(const base::NetworkCamera& camera, const Eigen::VectorXd& lens, std::vector<int> free) {
+  math::Block block;
   block.name = "camera " + camera.name;
   block.values.assign(lens.data(), lens.data() + lens.size());
   const auto names = base::parameter_names(camera.camera.model());
@@ -40,7 +40,7 @@ Eigen::MatrixXd without_unknowns(const Eigen::MatrixXd& whitening, const std::ve
 }
 
 /// What a group of rows observes; -1 for what it does not.
-void add_group(NetworkModel& network, std::unique_ptr<Measurement> measurement, int ray, int bar, int control) {
+void add_group(NetworkModel& network, std::unique_ptr<math::Measurement> measurement, int ray, int bar, int control) {
   network.model.measurements.push_back(std::move(measurement));
   network.ray_of_group.push_back(ray);
   network.bar_of_group.push_back(bar);
@@ -67,7 +67,7 @@ void add_control(const Survey& survey, NetworkModel& network) {
       const int block = network.point_block[static_cast<std::size_t>(control.points[k])];
       if (block < 0) continue;
       blocks.push_back(block);
-      Block& point = network.model.blocks[static_cast<std::size_t>(block)];
+      math::Block& point = network.model.blocks[static_cast<std::size_t>(block)];
       for (std::size_t axis = 0; axis < 3; ++axis) {
         if (!control.held[k][axis]) continue;
         point.values[axis] = control.xyz_mm(3 * static_cast<Eigen::Index>(k) + static_cast<Eigen::Index>(axis));
@@ -80,8 +80,8 @@ void add_control(const Survey& survey, NetworkModel& network) {
     // Points that do not take part are unknown: the covariance of the others stays what it is, which for a root of the inverse
     // means to eliminate their columns.
     add_group(network,
-              std::make_unique<Prior>(std::move(blocks), std::move(sizes), control.xyz_mm(columns),
-                                      without_unknowns(control.whitening, columns)),
+              std::make_unique<math::Prior>(std::move(blocks), std::move(sizes), control.xyz_mm(columns),
+                                            without_unknowns(control.whitening, columns)),
               -1, -1, static_cast<int>(c));
   }
 }
@@ -101,8 +101,8 @@ void add_priors(const Survey& survey, const ModelPlan& plan, NetworkModel& netwo
     const Eigen::MatrixXd inverse = llt.matrixL().solve(Eigen::MatrixXd::Identity(count, count));
     for (std::size_t i = 0; i < free.size(); ++i) whitening.col(free[i]) = inverse.col(static_cast<Eigen::Index>(i));
     add_group(network,
-              std::make_unique<Prior>(std::vector<int>{network.camera_block[c]}, std::vector<int>{all}, plan.lens_mean[c],
-                                      std::move(whitening)),
+              std::make_unique<math::Prior>(std::vector<int>{network.camera_block[c]}, std::vector<int>{all}, plan.lens_mean[c],
+                                            std::move(whitening)),
               -1, -1, -1);
   }
 }
@@ -115,7 +115,7 @@ void add_poses(const Survey& survey, const State& state, const ModelPlan& plan, 
   const auto mount_of = [&](std::size_t image) -> const std::optional<base::Pose>& {
     return state.mounts[static_cast<std::size_t>(survey.camera_of_image[image])];
   };
-  const auto add = [&](Block block) {
+  const auto add = [&](math::Block block) {
     if (plan.hold_poses) block.free.clear();
     return network.model.add(std::move(block));
   };
@@ -125,21 +125,21 @@ void add_poses(const Survey& survey, const State& state, const ModelPlan& plan, 
   }
   for (std::size_t c = 0; c < survey.cameras.size(); ++c) {
     if (!mounted[c] || survey.leads_rig(static_cast<int>(c))) continue;
-    Block block = pose_block("mount " + survey.cameras[c].name, *state.mounts[c]);
-    block.kind = Block::Kind::kMount;
+    math::Block block = math::pose_block("mount " + survey.cameras[c].name, *state.mounts[c]);
+    block.kind = math::Block::Kind::kMount;
     network.mount_block[c] = add(std::move(block));
   }
   for (std::size_t i = 0; i < survey.images.size(); ++i) {
     if (!image_used[i]) continue;
     const int station = survey.station_of_image[i];
     if (station < 0 || !mount_of(i)) {
-      network.image_block[i] = add(pose_block("image " + survey.images[i], *state.poses[i]));
+      network.image_block[i] = add(math::pose_block("image " + survey.images[i], *state.poses[i]));
       continue;
     }
     int& shared = block_of_station[static_cast<std::size_t>(station)];
     if (shared < 0) {
-      shared = add(pose_block("station " + survey.stations[static_cast<std::size_t>(station)].name,
-                              *state.poses[i] * mount_of(i)->inverse()));
+      shared = add(math::pose_block("station " + survey.stations[static_cast<std::size_t>(station)].name,
+                                    *state.poses[i] * mount_of(i)->inverse()));
     }
     network.image_block[i] = shared;
   }
@@ -147,14 +147,16 @@ void add_poses(const Survey& survey, const State& state, const ModelPlan& plan, 
 
 }  // namespace
 
-std::unique_ptr<ImagePoint> NetworkModel::image_point(const Survey& survey, int ray, const Eigen::Matrix2d& whitening) const {
+std::unique_ptr<math::ImagePoint> NetworkModel::image_point(const Survey& survey, int ray,
+                                                            const Eigen::Matrix2d& whitening) const {
   const Ray& observed = survey.rays[static_cast<std::size_t>(ray)];
   const auto image = static_cast<std::size_t>(observed.image);
   const auto camera = static_cast<std::size_t>(survey.camera_of_image[image]);
   const int mount = survey.station_of_image[image] >= 0 ? mount_block[camera] : -1;
-  return std::make_unique<ImagePoint>(ImagePoint::Blocks{camera_block[camera], image_block[image],
-                                                         point_block[static_cast<std::size_t>(observed.point)], mount},
-                                      survey.lens(observed.image), observed.measured_px, whitening);
+  return std::make_unique<math::ImagePoint>(
+      math::ImagePoint::Blocks{camera_block[camera], image_block[image], point_block[static_cast<std::size_t>(observed.point)],
+                               mount},
+      survey.lens(observed.image), observed.measured_px, whitening);
 }
 
 NetworkModel build_model(const Survey& survey, const State& state, const ModelPlan& plan) {
@@ -183,7 +185,7 @@ NetworkModel build_model(const Survey& survey, const State& state, const ModelPl
   add_poses(survey, state, plan, image_used, network);
   for (std::size_t p = 0; p < survey.ids.size(); ++p) {
     if (!point_used[p]) continue;
-    Block block = point_block(fmt::format("point {}", survey.ids[p]), *state.points[p]);
+    math::Block block = math::point_block(fmt::format("point {}", survey.ids[p]), *state.points[p]);
     if (plan.hold_points) block.free.clear();
     network.point_block[p] = network.model.add(std::move(block));
   }
@@ -211,11 +213,11 @@ void read_back(const Survey& survey, const NetworkModel& network, State& state) 
     state.lenses[c] = Eigen::Map<const Eigen::VectorXd>(values(network.camera_block[c]).data(), state.lenses[c].size());
   }
   for (std::size_t c = 0; c < network.mount_block.size(); ++c) {
-    if (network.mount_block[c] >= 0) state.mounts[c] = pose_from_values(values(network.mount_block[c]).data());
+    if (network.mount_block[c] >= 0) state.mounts[c] = math::pose_from_values(values(network.mount_block[c]).data());
   }
   for (std::size_t i = 0; i < network.image_block.size(); ++i) {
     if (network.image_block[i] < 0) continue;
-    state.poses[i] = pose_from_values(values(network.image_block[i]).data());
+    state.poses[i] = math::pose_from_values(values(network.image_block[i]).data());
     const auto& mount = state.mounts[static_cast<std::size_t>(survey.camera_of_image[i])];
     if (survey.station_of_image[i] >= 0 && mount) state.poses[i] = *state.poses[i] * *mount;
   }

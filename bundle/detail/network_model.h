@@ -6,10 +6,10 @@
 
 #include <Eigen/Core>
 
-#include "bundle/detail/image_point.h"
-#include "bundle/detail/model.h"
 #include "bundle/detail/state.h"
 #include "bundle/detail/survey.h"
+#include "math/image_point.h"
+#include "math/model.h"
 
 namespace crosstie::bundle::detail {
 
@@ -26,7 +26,7 @@ struct ModelPlan {
 
 /// A model with its links to the survey. Block and group numbers are -1 where something does not take part.
 struct NetworkModel {
-  Model model;
+  math::Model model;
   std::vector<int> camera_block;
   std::vector<int> mount_block;  ///< of each camera on a rig, the first of a rig aside
   std::vector<int> image_block;  ///< the pose of each image, or of its station
@@ -36,7 +36,8 @@ struct NetworkModel {
   std::vector<int> control_of_group;  ///< index of the control group of each measurement, -1 for others
 
   /// The observation of a ray; its image and point must take part.
-  [[nodiscard]] std::unique_ptr<ImagePoint> image_point(const Survey& survey, int ray, const Eigen::Matrix2d& whitening) const;
+  [[nodiscard]] std::unique_ptr<math::ImagePoint> image_point(const Survey& survey, int ray,
+                                                              const Eigen::Matrix2d& whitening) const;
 };
 
 NetworkModel build_model(const Survey& survey, const State& state, const ModelPlan& plan);

@@ -40,7 +40,7 @@ Eigen::MatrixXd cofactors_of(const Estimate& at, const math::Cofactors& cofactor
   std::vector<int> free;
   int size = 0;
   for (const int b : blocks) {
-    const Block& block = at.network.model.blocks[static_cast<std::size_t>(b)];
+    const math::Block& block = at.network.model.blocks[static_cast<std::size_t>(b)];
     for (const int i : block.free) free.push_back(size + i);
     size += block.tangent_size();
   }
@@ -61,7 +61,7 @@ void add_cameras(const Survey& survey, const State& state, const Estimate& at, c
     base::AdjustedCamera camera{survey.cameras[c].name, survey.cameras[c].camera, false};
     const int block = at.network.camera_block[c];
     if (block >= 0) {
-      const Block& values = at.network.model.blocks[static_cast<std::size_t>(block)];
+      const math::Block& values = at.network.model.blocks[static_cast<std::size_t>(block)];
       auto adjusted =
           base::Camera::make(camera.camera.model(), camera.camera.width_px(), camera.camera.height_px(), state.lenses[c]);
       if (adjusted && !values.free.empty()) {
@@ -82,7 +82,8 @@ base::Matrix6d pose_cofactors(const Survey& survey, const Estimate& at, const ma
                         ? at.network.mount_block[static_cast<std::size_t>(survey.camera_of_image[image])]
                         : -1;
   if (mount < 0) return cofactors_of(at, cofactors, {pose});
-  const base::Pose network_from_rig = pose_from_values(at.network.model.blocks[static_cast<std::size_t>(pose)].values.data());
+  const base::Pose network_from_rig =
+      math::pose_from_values(at.network.model.blocks[static_cast<std::size_t>(pose)].values.data());
   Eigen::Matrix<double, 6, 12> jacobian;
   jacobian << base::Matrix6d::Identity(), network_from_rig.adjoint();
   return jacobian * cofactors_of(at, cofactors, {pose, mount}) * jacobian.transpose();

@@ -6,9 +6,9 @@
 #include <Eigen/Eigenvalues>
 
 #include "bundle/detail/minimal_solvers.h"
-#include "bundle/detail/minimise.h"
 #include "bundle/detail/network_model.h"
 #include "bundle/detail/sampling.h"
+#include "math/minimise.h"
 
 namespace crosstie::bundle::detail {
 namespace {
@@ -39,7 +39,8 @@ void refine(const Survey& survey, State& state, int image, const std::vector<int
   plan.hold_points = true;
   NetworkModel network = build_model(survey, alone, plan);
   if (network.model.measurements.empty()) return;
-  if (!minimise(network.model, {.max_iterations = 30, .robust_scale = 0.3 * tolerance_px, .function_tolerance = 1e-6})) return;
+  if (!math::minimise(network.model, {.max_iterations = 30, .robust_scale = 0.3 * tolerance_px, .function_tolerance = 1e-6}))
+    return;
   read_back(survey, network, alone);
   state.poses[static_cast<std::size_t>(image)] = alone.poses[static_cast<std::size_t>(image)];
 }

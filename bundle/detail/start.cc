@@ -6,10 +6,10 @@
 #include <optional>
 
 #include "bundle/detail/growth.h"
-#include "bundle/detail/minimise.h"
 #include "bundle/detail/network_model.h"
 #include "bundle/detail/triangulate.h"
 #include "bundle/detail/two_view.h"
+#include "math/minimise.h"
 
 namespace crosstie::bundle::detail {
 namespace {
@@ -162,9 +162,9 @@ std::optional<State> from_start_values(const Survey& survey, const AdjustOptions
   double before = robust_sigma_px(survey, state);
   for (int round = 0; round < kMaxRounds && std::isfinite(before); ++round) {
     NetworkModel network = build_model(survey, state, {});
-    const MinimiseOptions how{
+    const math::MinimiseOptions how{
         .max_iterations = options.max_iterations, .robust_scale = 2.0 * before, .function_tolerance = 1e-4};
-    if (!minimise(network.model, how, progress)) return std::nullopt;
+    if (!math::minimise(network.model, how, progress)) return std::nullopt;
     read_back(survey, network, state);
     const double after = robust_sigma_px(survey, state);
     if (after > kStillFalling * before) break;

@@ -29,11 +29,11 @@ void count_observations(const Estimate& at, base::AdjustedNetwork& result) {
 
 void count_unknowns(const Estimate& at, base::AdjustedNetwork& result) {
   base::UnknownCounts counts;
-  for (const Block& block : at.network.model.blocks) {
-    int& kind = block.kind == Block::Kind::kPoint   ? counts.object
-                : block.kind == Block::Kind::kPose  ? counts.exterior
-                : block.kind == Block::Kind::kMount ? counts.rig
-                                                    : counts.interior;
+  for (const math::Block& block : at.network.model.blocks) {
+    int& kind = block.kind == math::Block::Kind::kPoint   ? counts.object
+                : block.kind == math::Block::Kind::kPose  ? counts.exterior
+                : block.kind == math::Block::Kind::kMount ? counts.rig
+                                                          : counts.interior;
     kind += static_cast<int>(block.free.size());
   }
   result.estimated = counts;

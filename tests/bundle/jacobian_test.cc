@@ -6,21 +6,21 @@
 
 #include "bundle/detail/distance.h"
 #include "bundle/detail/estimate.h"
-#include "bundle/detail/image_point.h"
-#include "bundle/detail/prior.h"
+#include "math/image_point.h"
+#include "math/prior.h"
 #include "tests/bundle/synthetic_network.h"
 
 namespace crosstie::bundle::detail {
 namespace {
 
 /// Every Jacobian of a measurement against central differences of its residual along each tangent direction.
-void expect_true_jacobians(Model& model) {
-  const Measurement& measurement = *model.measurements.front();
+void expect_true_jacobians(math::Model& model) {
+  const math::Measurement& measurement = *model.measurements.front();
   math::WhitenedRows rows;
   ASSERT_TRUE(model.linearise(rows));
   const math::Parameters parameters = model.parameters();
   const auto residual_after = [&](const Eigen::VectorXd& step) {
-    std::vector<Block> blocks = model.blocks;
+    std::vector<math::Block> blocks = model.blocks;
     model.move(step);
     math::WhitenedRows moved;
     EXPECT_TRUE(model.linearise(moved));
@@ -54,10 +54,11 @@ Eigen::VectorXd lens_parameters(base::LensModel lens) {
 }
 
 /// One image point of a camera that stands alone, or that sits on a rig.
-Model image_point_model(base::LensModel lens, bool mounted) {
+math::Model image_point_model(base::LensModel lens, bool mounted) {
   const Eigen::VectorXd parameters = lens_parameters(lens);
-  Model model;
-  Block camera{"camera", Block::Kind::kVector, {parameters.data(), parameters.data() + parameters.size()}, {}, {}, {}};
+  math::Model model;
+  math::Block camera{"camera", math::Block::Kind::kVector, {parameters.data(), parameters.data() + parameters.size()}, {}, {},
+                     {}};
   for (int i = 0; i < parameters.size(); ++i) {
     camera.components.emplace_back(base::parameter_names(lens)[static_cast<std::size_t>(i)]);
     if (i != 1 && i < base::adjustable_count(lens)) camera.free.push_back(i);  // one held: the others must keep their columns
@@ -66,15 +67,15 @@ Model image_point_model(base::LensModel lens, bool mounted) {
   const base::Pose rig_from_camera =
       mounted ? base::Pose{base::rotation_exp({0.02, -0.2, 0.05}), {80.0, 4.0, -7.0}} : base::Pose{};
   const base::Pose network_from_camera = tests::looking_at({400.0, -300.0, 1100.0}, {20.0, 30.0, 0.0}, 0.7);
-  model.add(pose_block("image", network_from_camera * rig_from_camera.inverse()));
-  model.add(point_block("point", {120.0, 80.0, -40.0}));
-  Block mount = pose_block("mount", rig_from_camera);
-  mount.kind = Block::Kind::kMount;
+  model.add(math::pose_block("image", network_from_camera * rig_from_camera.inverse()));
+  model.add(math::point_block("point", {120.0, 80.0, -40.0}));
+  math::Block mount = math::pose_block("mount", rig_from_camera);
+  mount.kind = math::Block::Kind::kMount;
   if (mounted) model.add(mount);
   Eigen::Matrix2d whitening;
   whitening << 30.0, 0.0, -8.0, 45.0;
-  model.measurements.push_back(std::make_unique<ImagePoint>(ImagePoint::Blocks{0, 1, 2, mounted ? 3 : -1}, lens,
-                                                            Eigen::Vector2d(1000.0, 700.0), whitening));
+  model.measurements.push_back(std::make_unique<math::ImagePoint>(math::ImagePoint::Blocks{0, 1, 2, mounted ? 3 : -1}, lens,
+                                                                  Eigen::Vector2d(1000.0, 700.0), whitening));
   return model;
 }
 
@@ -82,7 +83,7 @@ TEST(Jacobians, ImagePoint) {
   for (const base::LensModel lens :
        {base::LensModel::kPinhole, base::LensModel::kOpenCv5, base::LensModel::kOpenCv12, base::LensModel::kAicon}) {
     for (const bool mounted : {false, true}) {
-      Model model = image_point_model(lens, mounted);
+      math::Model model = image_point_model(lens, mounted);
       expect_true_jacobians(model);
     }
   }
@@ -95,31 +96,31 @@ TEST(Jacobians, AMountedCameraSeesWhatOneOfItsOwnPoseSees) {
 }
 
 TEST(Jacobians, Distance) {
-  Model model;
-  model.add(point_block("a", {120.0, 80.0, -40.0}));
-  model.add(point_block("b", {-300.0, 20.0, 75.0}));
+  math::Model model;
+  model.add(math::point_block("a", {120.0, 80.0, -40.0}));
+  model.add(math::point_block("b", {-300.0, 20.0, 75.0}));
   model.measurements.push_back(std::make_unique<Distance>(0, 1, 400.0, 0.02));
   expect_true_jacobians(model);
 }
 
 TEST(Jacobians, Prior) {
-  Model model;
-  Block block{"camera", Block::Kind::kVector, {1.0, 2.0, 3.0}, {"a", "b", "c"}, {0, 2}, math::BlockRole::kKept};
+  math::Model model;
+  math::Block block{"camera", math::Block::Kind::kVector, {1.0, 2.0, 3.0}, {"a", "b", "c"}, {0, 2}, math::BlockRole::kKept};
   model.add(block);
   Eigen::MatrixXd whitening(2, 3);
   whitening << 2.0, 0.0, 0.0, -1.0, 0.0, 5.0;
   model.measurements.push_back(
-      std::make_unique<Prior>(std::vector<int>{0}, std::vector<int>{3}, Eigen::Vector3d(0.5, 2.0, 3.5), whitening));
+      std::make_unique<math::Prior>(std::vector<int>{0}, std::vector<int>{3}, Eigen::Vector3d(0.5, 2.0, 3.5), whitening));
   expect_true_jacobians(model);
 }
 
 TEST(Jacobians, PriorOfTwoPoints) {
-  Model model;
-  model.add(point_block("a", {120.0, 80.0, -40.0}));
-  model.add(point_block("b", {-300.0, 20.0, 75.0}));
+  math::Model model;
+  model.add(math::point_block("a", {120.0, 80.0, -40.0}));
+  model.add(math::point_block("b", {-300.0, 20.0, 75.0}));
   const Eigen::MatrixXd whitening = Eigen::MatrixXd::Random(4, 6);
-  model.measurements.push_back(std::make_unique<Prior>(std::vector<int>{0, 1}, std::vector<int>{3, 3},
-                                                       Eigen::VectorXd::LinSpaced(6, -1.0, 1.0), whitening));
+  model.measurements.push_back(std::make_unique<math::Prior>(std::vector<int>{0, 1}, std::vector<int>{3, 3},
+                                                             Eigen::VectorXd::LinSpaced(6, -1.0, 1.0), whitening));
   expect_true_jacobians(model);
 }
 

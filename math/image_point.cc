@@ -1,6 +1,6 @@
-#include "bundle/detail/image_point.h"
+#include "math/image_point.h"
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 namespace {
 
 using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
@@ -62,4 +62,4 @@ bool ImagePoint::evaluate(const double* const* values, double* residual, double*
   return true;
 }
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math

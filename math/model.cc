@@ -1,4 +1,4 @@
-#include "bundle/detail/model.h"
+#include "math/model.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 namespace {
 
 std::vector<int> all_of(int count) {
@@ -44,14 +44,14 @@ Block pose_block(std::string name, const base::Pose& pose) {
               std::vector<double>(7),
               {"rx [rad]", "ry [rad]", "rz [rad]", "tx [mm]", "ty [mm]", "tz [mm]"},
               all_of(6),
-              math::BlockRole::kKept};
+              BlockRole::kKept};
   pose_to_values(pose, block.values.data());
   return block;
 }
 
 Block point_block(std::string name, const Eigen::Vector3d& point) {
-  return {std::move(name), Block::Kind::kPoint,         {point.x(), point.y(), point.z()}, {"x [mm]", "y [mm]", "z [mm]"},
-          all_of(3),       math::BlockRole::kEliminated};
+  return {std::move(name), Block::Kind::kPoint,   {point.x(), point.y(), point.z()}, {"x [mm]", "y [mm]", "z [mm]"},
+          all_of(3),       BlockRole::kEliminated};
 }
 
 base::Pose pose_from_values(const double* values) {
@@ -68,8 +68,8 @@ int Model::add(Block block) {
   return static_cast<int>(blocks.size()) - 1;
 }
 
-math::Parameters Model::parameters() const {
-  math::Parameters parameters;
+Parameters Model::parameters() const {
+  Parameters parameters;
   for (const Block& block : blocks) {
     std::vector<std::string> names;
     for (const int i : block.free) names.push_back(block.components[static_cast<std::size_t>(i)]);
@@ -78,12 +78,12 @@ math::Parameters Model::parameters() const {
   return parameters;
 }
 
-bool Model::linearise(math::WhitenedRows& rows) const {
+bool Model::linearise(WhitenedRows& rows) const {
   return std::all_of(measurements.begin(), measurements.end(),
                      [&](const auto& measurement) { return linearise(*measurement, rows); });
 }
 
-bool Model::linearise(const Measurement& measurement, math::WhitenedRows& rows) const {
+bool Model::linearise(const Measurement& measurement, WhitenedRows& rows) const {
   thread_local Scratch scratch;
   scratch.prepare(*this, measurement);
   scratch.free_blocks.clear();
@@ -100,8 +100,7 @@ bool Model::linearise(const Measurement& measurement, math::WhitenedRows& rows) 
   for (std::size_t i = 0; i < measurement.blocks().size(); ++i) {
     const Block& block = blocks[static_cast<std::size_t>(measurement.blocks()[i])];
     if (block.free.empty()) continue;
-    const Eigen::Map<const math::WhitenedRows::Matrix> all(scratch.jacobians[i].data(), measurement.rows(),
-                                                           block.tangent_size());
+    const Eigen::Map<const WhitenedRows::Matrix> all(scratch.jacobians[i].data(), measurement.rows(), block.tangent_size());
     auto part = rows.jacobian(group, term++);
     for (std::size_t k = 0; k < block.free.size(); ++k) part.col(static_cast<Eigen::Index>(k)) = all.col(block.free[k]);
   }
@@ -134,4 +133,4 @@ void Model::move(const Eigen::VectorXd& step) {
   }
 }
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math

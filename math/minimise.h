@@ -4,9 +4,9 @@
 
 #include "base/progress.h"
 #include "base/result.h"
-#include "bundle/detail/model.h"
+#include "math/model.h"
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 
 struct MinimiseOptions {
   int max_iterations = 100;
@@ -23,4 +23,4 @@ struct MinimiseSummary {
 /// Finds the minimum by Levenberg-Marquardt (Ceres, one thread, so that it repeats bit for bit). A free datum is no obstacle.
 base::Result<MinimiseSummary> minimise(Model& model, const MinimiseOptions& options, const base::Progress& progress = {});
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math

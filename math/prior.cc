@@ -1,6 +1,6 @@
-#include "bundle/detail/prior.h"
+#include "math/prior.h"
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 
 bool Prior::evaluate(const double* const* values, double* residual, double* const* jacobians) const {
   Eigen::VectorXd difference = -mean_;
@@ -8,8 +8,7 @@ bool Prior::evaluate(const double* const* values, double* residual, double* cons
   for (std::size_t i = 0; i < sizes_.size(); ++i) {
     difference.segment(offset, sizes_[i]) += Eigen::Map<const Eigen::VectorXd>(values[i], sizes_[i]);
     if (jacobians != nullptr && jacobians[i] != nullptr) {
-      Eigen::Map<math::WhitenedRows::Matrix>(jacobians[i], whitening_.rows(), sizes_[i]) =
-          whitening_.middleCols(offset, sizes_[i]);
+      Eigen::Map<WhitenedRows::Matrix>(jacobians[i], whitening_.rows(), sizes_[i]) = whitening_.middleCols(offset, sizes_[i]);
     }
     offset += sizes_[i];
   }
@@ -17,4 +16,4 @@ bool Prior::evaluate(const double* const* values, double* residual, double* cons
   return true;
 }
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math

@@ -10,7 +10,7 @@
 #include "math/parameters.h"
 #include "math/whitened_rows.h"
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 
 /// A block of unknowns with its present values. A vector's tangent is the vector itself; a pose is stored as qx qy qz qw tx ty
 /// tz and its tangent is the left perturbation [w rad, v mm] of base::Pose. A mount is the pose of a camera on its rig, which does
@@ -23,7 +23,7 @@ struct Block {
   std::vector<double> values;
   std::vector<std::string> components;  ///< one name for each tangent direction
   std::vector<int> free;                ///< tangent directions that are estimated, ascending; empty: the block is held
-  math::BlockRole role = math::BlockRole::kKept;
+  BlockRole role = BlockRole::kKept;
 
   [[nodiscard]] int tangent_size() const { return static_cast<int>(components.size()); }
   [[nodiscard]] bool is_pose() const { return kind == Kind::kPose || kind == Kind::kMount; }
@@ -67,15 +67,15 @@ struct Model {
   int add(Block block);
 
   /// The unknowns as math sees them: block i there is block i here, with its free directions only.
-  [[nodiscard]] math::Parameters parameters() const;
+  [[nodiscard]] Parameters parameters() const;
   /// All measurements at the present values, one group each in their order; false where one cannot be evaluated.
-  [[nodiscard]] bool linearise(math::WhitenedRows& rows) const;
+  [[nodiscard]] bool linearise(WhitenedRows& rows) const;
   /// Appends one measurement of these blocks as a group.
-  [[nodiscard]] bool linearise(const Measurement& measurement, math::WhitenedRows& rows) const;
+  [[nodiscard]] bool linearise(const Measurement& measurement, WhitenedRows& rows) const;
   /// v'Pv at the present values; infinite where a measurement cannot be evaluated.
   [[nodiscard]] double square_sum() const;
   /// Moves the free directions by a step over the full vector of `parameters()`.
   void move(const Eigen::VectorXd& step);
 };
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math

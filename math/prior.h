@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 
-#include "bundle/detail/model.h"
+#include "math/model.h"
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 
 /// Values of vector blocks known beforehand: residual = whitening * (x - mean), x the blocks' values one after the other,
 /// whitening' whitening the pseudo-inverse of their covariance.
@@ -23,4 +23,4 @@ class Prior final : public Measurement {
   Eigen::MatrixXd whitening_;
 };
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math

@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 
 #include "base/camera.h"
-#include "bundle/detail/model.h"
+#include "math/model.h"
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 
 /// A marker seen in an image: blocks camera (lens parameters), pose (network_from_camera), point.
 ///     residual = whitening * (project(R' (X - t)) - measured),   d(R' (X - t)) / d[w, v] = R' [skew(X), -I],   / dX = R'
@@ -33,4 +33,4 @@ class ImagePoint final : public Measurement {
   Eigen::Matrix2d whitening_;
 };
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math

@@ -1,4 +1,4 @@
-#include "bundle/detail/minimise.h"
+#include "math/minimise.h"
 
 #include <algorithm>
 #include <exception>
@@ -9,7 +9,7 @@
 #include <ceres/ceres.h>
 #include <glog/logging.h>
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 namespace {
 
 using base::ErrorCode;
@@ -134,14 +134,14 @@ std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order(const Model& mo
   for (const auto& measurement : model.measurements) {
     std::vector<int> eliminated;
     for (const int b : measurement->blocks()) {
-      if (model.blocks[static_cast<std::size_t>(b)].role == math::BlockRole::kEliminated) eliminated.push_back(b);
+      if (model.blocks[static_cast<std::size_t>(b)].role == BlockRole::kEliminated) eliminated.push_back(b);
     }
     if (eliminated.size() > 1) joined.insert(eliminated.begin(), eliminated.end());
   }
   auto order = std::make_shared<ceres::ParameterBlockOrdering>();
   for (std::size_t b = 0; b < model.blocks.size(); ++b) {
     if (!used[b]) continue;
-    const bool first = model.blocks[b].role == math::BlockRole::kEliminated && !joined.contains(static_cast<int>(b));
+    const bool first = model.blocks[b].role == BlockRole::kEliminated && !joined.contains(static_cast<int>(b));
     order->AddElementToGroup(values.of(b), first ? 0 : 1);
   }
   return order;
@@ -221,4 +221,4 @@ Result<MinimiseSummary> minimise(Model& model, const MinimiseOptions& options, c
   }
 }
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math
