@@ -50,7 +50,7 @@ Axis make_axis(double low, double high, int wanted, bool widen) {
 
 double Plot::fitted_height(const Axis& x, const Axis& y, const PlotOptions& options) {
   if (!options.equal_scale) return options.height_px;
-  const double scale = (options.width_px - kLeft_px - kRight_px) / (x.high - x.low);
+  const double scale = (options.width_px - kLeft_px - kRight_px - options.room_right_px) / (x.high - x.low);
   return std::clamp(scale * (y.high - y.low), 60.0, 2.0 * options.width_px) + kTop_px + kBottom_px;
 }
 
@@ -60,7 +60,7 @@ Plot::Plot(std::string_view title, std::string_view description, Axis x, Axis y,
       y_(std::move(y)),
       y_down_(options.y_down),
       left_(kLeft_px),
-      right_(options.width_px - kRight_px),
+      right_(options.width_px - kRight_px - options.room_right_px),
       top_(kTop_px),
       bottom_(fitted_height(x_, y_, options) - kBottom_px),
       legend_x_(kLeft_px),
@@ -107,6 +107,19 @@ void Plot::curve(std::span<const double> x, std::span<const double> y, std::stri
     points.emplace_back(std::clamp(x_px(x[i]), left_, right_), std::clamp(y_px(y[i]), top_, bottom_));
   }
   svg_.polyline(points, css_class);
+}
+
+void Plot::band(std::span<const double> x, std::span<const double> low, std::span<const double> high,
+                std::string_view css_class) {
+  const std::size_t count = std::min({x.size(), low.size(), high.size()});
+  std::vector<std::pair<double, double>> outline;
+  const auto add = [&](double at, double value) {
+    if (!std::isfinite(at) || !std::isfinite(value)) return;
+    outline.emplace_back(std::clamp(x_px(at), left_, right_), std::clamp(y_px(value), top_, bottom_));
+  };
+  for (std::size_t i = 0; i < count; ++i) add(x[i], high[i]);
+  for (std::size_t i = count; i-- > 0;) add(x[i], low[i]);
+  svg_.polygon(outline, css_class);
 }
 
 void Plot::point(double x, double y, std::string_view css_class, std::string_view fill, std::string_view tooltip,

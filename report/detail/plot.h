@@ -29,6 +29,7 @@ struct PlotOptions {
   bool equal_scale = false;  ///< one unit of x as long as one of y; the height then follows from the data
   bool y_down = false;       ///< image coordinates
   bool grid = true;
+  double room_right_px = 0.0;  ///< beside the frame, for a scale of colours
 };
 
 /// A frame with axes into which data are drawn.
@@ -49,6 +50,8 @@ class Plot {
 
   /// A curve through data coordinates; points outside of the frame are clipped to it.
   void curve(std::span<const double> x, std::span<const double> y, std::string_view css_class);
+  /// The area between two curves over the same x; clipped as curve() is.
+  void band(std::span<const double> x, std::span<const double> low, std::span<const double> high, std::string_view css_class);
   void point(double x, double y, std::string_view css_class, std::string_view fill = "", std::string_view tooltip = "",
              double radius_px = 3.0);
   /// A line of the legend, above the frame; `css_class` as the series has it.

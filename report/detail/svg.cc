@@ -36,6 +36,14 @@ std::string attributes(std::string_view css_class, std::string_view fill) {
   return text;
 }
 
+std::string point_list(const std::vector<std::pair<double, double>>& points) {
+  std::string list;
+  for (const auto& [x, y] : points) {
+    if (drawable({x, y})) list += fmt::format("{}{},{}", list.empty() ? "" : " ", px(x), px(y));
+  }
+  return list;
+}
+
 std::string closing(std::string_view tag, std::string_view tooltip) {
   return tooltip.empty() ? "/>\n" : fmt::format("><title>{}</title></{}>\n", escape(tooltip), tag);
 }
@@ -55,11 +63,13 @@ void Svg::line(double x1, double y1, double x2, double y2, std::string_view css_
 }
 
 void Svg::polyline(const std::vector<std::pair<double, double>>& points, std::string_view css_class) {
-  std::string list;
-  for (const auto& [x, y] : points) {
-    if (drawable({x, y})) list += fmt::format("{}{},{}", list.empty() ? "" : " ", px(x), px(y));
-  }
+  const std::string list = point_list(points);
   if (!list.empty()) body_ += fmt::format("<polyline points=\"{}\"{}/>\n", list, attributes(css_class, ""));
+}
+
+void Svg::polygon(const std::vector<std::pair<double, double>>& points, std::string_view css_class) {
+  const std::string list = point_list(points);
+  if (!list.empty()) body_ += fmt::format("<polygon points=\"{}\"{}/>\n", list, attributes(css_class, ""));
 }
 
 void Svg::rect(double x, double y, double width, double height, std::string_view css_class, std::string_view fill,

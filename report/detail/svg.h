@@ -17,6 +17,7 @@ class Svg {
 
   void line(double x1, double y1, double x2, double y2, std::string_view css_class);
   void polyline(const std::vector<std::pair<double, double>>& points, std::string_view css_class);
+  void polygon(const std::vector<std::pair<double, double>>& points, std::string_view css_class);
   void rect(double x, double y, double width, double height, std::string_view css_class, std::string_view fill = "",
             std::string_view tooltip = "");
   void circle(double x, double y, double radius, std::string_view css_class, std::string_view fill = "",

@@ -9,6 +9,7 @@
 #include "report/detail/charts.h"
 #include "report/detail/colour.h"
 #include "report/detail/correlation.h"
+#include "report/detail/heat_map.h"
 #include "report/detail/image_plots.h"
 #include "report/detail/plan_view.h"
 #include "tests/report/markup.h"
@@ -154,6 +155,37 @@ TEST(Colour, EndsAndNonsense) {
   EXPECT_EQ(sequential_colour(kNan), "#2c7bb6");
   EXPECT_EQ(diverging_colour(0.0).substr(7), "00");
   EXPECT_EQ(diverging_colour(-1.0), "#2c7bb6b4");
+}
+
+TEST(HeatMap, ColoursCellsByTheirValueAndLeavesBlankWhatIsUnknown) {
+  HeatGrid grid{make_axis(0.0, 400.0, 4, false), make_axis(0.0, 300.0, 3, false), Eigen::MatrixXd::Zero(3, 4), "U", "mm"};
+  grid.values(0, 0) = 2.0;
+  grid.values(2, 3) = kNan;
+  const std::string svg = heat_map(grid, "Map", "x [mm]", "y [mm]", {{100.0, 100.0, "1"}});
+  expect_drawable(svg);
+  EXPECT_THAT(svg, HasSubstr("<title>U 2.00 mm</title>"));
+  EXPECT_THAT(svg, HasSubstr(sequential_colour(1.0)));
+  std::size_t cells = 0;
+  for (std::size_t at = svg.find("<title>U "); at != std::string::npos; at = svg.find("<title>U ", at + 1)) ++cells;
+  EXPECT_EQ(cells, 11u);
+}
+
+TEST(HeatMap, SurvivesWhatCannotBeDrawn) {
+  const HeatGrid empty{make_axis(0.0, 0.0), make_axis(kNan, kNan), Eigen::MatrixXd(), "U", "mm"};
+  expect_drawable(heat_map(empty, "Empty", "x", "y"));
+  const HeatGrid wild{make_axis(0.0, 1.0), make_axis(0.0, 1.0), Eigen::MatrixXd::Constant(2, 2, kInfinity), "U", "mm"};
+  expect_drawable(heat_map(wild, "Infinite", "x", "y"));
+}
+
+TEST(Plot, FillsTheBandBetweenTwoCurves) {
+  Plot plot("Band", "", make_axis(0.0, 2.0), make_axis(-1.0, 1.0), "x", "y");
+  const std::vector<double> x = {0.0, 1.0, 2.0};
+  const std::vector<double> low = {-0.5, kNan, -0.5};
+  const std::vector<double> high = {0.5, 9.0, 0.5};
+  plot.band(x, low, high, "band");
+  const std::string svg = plot.str();
+  expect_drawable(svg);
+  EXPECT_THAT(svg, HasSubstr("<polygon points="));
 }
 
 }  // namespace
