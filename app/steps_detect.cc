@@ -137,41 +137,6 @@ std::vector<base::Warning> warnings_of(const std::vector<ImageObservations>& ima
 
 }  // namespace
 
-Result<DetectionTask> detection_task(const Job& job) {
-  if (!job.network) {
-    return base::fail(ErrorCode::kBadInput,
-                      fmt::format("{}: the job has no [network] images to detect markers in", job.file.string()));
-  }
-  auto family = markers::marker_family(job.family);
-  if (!family) return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", job.file.string(), family.error().message));
-  DetectionTask task;
-  task.family = std::move(*family);
-  task.base_folder = job.folder;
-  task.title = job.name;
-  for (const auto& [camera, pattern] : job.network->images) {
-    auto files = match_files(job.resolve(pattern));
-    if (!files) return base::fail(files.error().code, fmt::format("{}: {}", job.file.string(), files.error().message));
-    for (fs::path& path : *files) task.images.push_back({{}, camera, std::move(path)});
-    const auto settings = job.cameras.find(camera);
-    if (settings != job.cameras.end() && settings->second.white_level)
-      task.white_levels[camera] = *settings->second.white_level;
-  }
-  auto named = name_images(std::move(task.images));
-  if (!named) return base::fail(std::move(named));
-  task.images = std::move(*named);
-  if (!job.ids.ranges.empty() || !job.exclude_ids.ranges.empty()) {
-    for (const auto& code : task.family.codes) {
-      if ((job.ids.ranges.empty() || job.ids.contains(code.id)) && !job.exclude_ids.contains(code.id))
-        task.options.ids.push_back(code.id);
-    }
-    if (task.options.ids.empty()) {
-      return base::fail(ErrorCode::kBadInput, fmt::format("{}: [markers] ids and exclude_ids leave no id of {} in use",
-                                                          job.file.string(), job.family));
-    }
-  }
-  return task;
-}
-
 Result<StepOutcome> detect_step(const DetectionTask& task, const fs::path& out, bool timings, Session& session) {
   const ordered_json options = effective_options(task);
   const std::size_t count = task.images.size();

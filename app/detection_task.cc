@@ -1,0 +1,59 @@
+// Which photographs of a job are looked at for which markers.
+
+#include <fmt/core.h>
+
+#include "app/steps.h"
+
+namespace crosstie::app {
+namespace {
+
+namespace fs = std::filesystem;
+using base::ErrorCode;
+using base::Result;
+
+tl::unexpected<base::Error> bad_job(const Job& job, const std::string& message) {
+  return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", job.file.string(), message));
+}
+
+/// Family, ids and white levels of the job for these images, which get their names here.
+Result<DetectionTask> task_of(const Job& job, std::vector<ImageFile> images) {
+  auto family = markers::marker_family(job.family);
+  if (!family) return bad_job(job, family.error().message);
+  DetectionTask task;
+  task.family = std::move(*family);
+  task.base_folder = job.folder;
+  task.title = job.name;
+  auto named = name_images(std::move(images));
+  if (!named) return base::fail(std::move(named));
+  task.images = std::move(*named);
+  for (const ImageFile& file : task.images) {
+    const auto settings = job.cameras.find(file.camera);
+    if (settings != job.cameras.end() && settings->second.white_level)
+      task.white_levels[file.camera] = *settings->second.white_level;
+  }
+  if (!job.ids.ranges.empty() || !job.exclude_ids.ranges.empty()) {
+    for (const auto& code : task.family.codes) {
+      if ((job.ids.ranges.empty() || job.ids.contains(code.id)) && !job.exclude_ids.contains(code.id))
+        task.options.ids.push_back(code.id);
+    }
+    if (task.options.ids.empty()) {
+      return bad_job(job, fmt::format("[markers] ids and exclude_ids leave no id of {} in use", job.family));
+    }
+  }
+  return task;
+}
+
+}  // namespace
+
+Result<DetectionTask> detection_task(const Job& job) {
+  if (!job.network) return bad_job(job, "the job has no [network] images to detect markers in");
+  std::vector<ImageFile> images;
+  for (const auto& [camera, pattern] : job.network->images) {
+    auto files = match_files(job.resolve(pattern));
+    if (!files) return base::fail(files.error().code, fmt::format("{}: {}", job.file.string(), files.error().message));
+    for (fs::path& path : *files) images.push_back({{}, camera, std::move(path)});
+  }
+  return task_of(job, std::move(images));
+}
+
+}  // namespace crosstie::app
