@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -7,6 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "base/board.h"
+#include "base/camera.h"
+#include "base/certificate.h"
 #include "base/result.h"
 
 namespace crosstie::app {
@@ -25,17 +29,62 @@ base::Result<std::pair<int, int>> parse_id_pair(const std::string& text);
 /// Back to the words of the job.
 std::vector<std::string> format_id_ranges(const IdRanges& ids);
 
-/// `[camera.NAME]`: where the start values of a camera come from.
+/// `[camera.NAME]`: where a camera's lens comes from.
 struct JobCamera {
+  std::optional<std::string> board_images;     ///< file pattern of its images of the `[board]`: it is calibrated by them
+  std::optional<double> temperature_c;         ///< of the camera while it took them
   std::optional<std::filesystem::path> model;  ///< a .cameramodel or OpenCV YAML; else a nominal focal length:
   std::optional<double> focal_mm;              ///< with sensor_width_mm
   std::optional<double> sensor_width_mm;
   std::optional<double> focal_px;        ///< else from the photographs' EXIF data
-  std::string lens = "opencv5";          ///< model of a camera without a file: pinhole, opencv4, opencv5, opencv8, opencv12
+  std::optional<base::LensModel> lens;   ///< of a camera without a file (kOpenCv5 where none is given); calibrate: no ladder
   bool estimate = true;                  ///< false: the parameters of `model` are taken as they are
   std::vector<std::string> fixed;        ///< parameters that stay at their start values, such as "k3"
   std::map<std::string, double> sigmas;  ///< prior sigma of parameters, in their units; 0 holds one
   std::optional<double> white_level;     ///< grey level of a saturated pixel, where it is not the file format's
+};
+
+/// `[board]`: what the cameras are calibrated by.
+struct JobBoard {
+  base::Board board;              ///< with its prior; the default prior where the job gives none
+  std::string family;             ///< of an AprilGrid's tags
+  std::string detector = "auto";  ///< "classic", "sb", or "auto": the first, with the second for comparison
+};
+
+/// Temperature and expansion of an artefact, as measured.
+struct JobThermal {
+  double temperature_c = 20.0;
+  double temperature_sigma_c = 0.0;
+  double cte_per_k = 0.0;
+  double cte_sigma_per_k = 0.0;
+};
+
+/// `[cross]`: the calibration cross, bolted to the machine.
+struct JobCross {
+  std::optional<std::filesystem::path> points;   ///< a point list with sigmas; none: the job's own adjustment measures it
+  std::optional<std::filesystem::path> spheres;  ///< centres and diameters in the same frame
+  std::optional<double> points_temperature_c;    ///< to which `points` and `spheres` refer; none: 20 degrees C
+  JobThermal thermal;                            ///< on the machine
+  base::Certificate certificate;
+};
+
+/// `[machine]`: what the machine's touch probe and X axis say.
+struct JobMachine {
+  std::optional<std::filesystem::path> probed_spheres;  ///< centres in the machine's frame, or
+  std::optional<std::filesystem::path> probe_hits;      ///< the centre of the stylus tip at each hit
+  std::optional<double> stylus_diameter_mm;
+  std::optional<double> probe_sigma_mm;
+  std::optional<double> axis_sigma_mm;
+  double temperature_c = 20.0;
+  double temperature_sigma_c = 0.0;
+  base::Certificate certificate;  ///< of the spheres
+};
+
+/// `[[station]]`: the head at one place of its travel.
+struct JobStation {
+  std::string name;
+  double axis_mm = 0.0;                                              ///< the reading of the X axis
+  std::vector<std::pair<std::string, std::filesystem::path>> cross;  ///< camera and photograph of the cross, sorted by camera
 };
 
 /// `[network]`: photographs of an object for its coordinates.
@@ -53,13 +102,20 @@ struct JobNetwork {
 struct JobRig {
   std::string name = "rig";
   std::vector<std::string> cameras;
+  std::optional<double>
+      baseline_mm;  ///< distance of the first two as a drawing tells it: calibrate refuses what contradicts it
 };
 
-/// `[limits]`: what makes a verdict fail. Those that are not set are not judged, the first aside.
+/// `[limits]`: what makes a verdict fail. Those that are not set are not judged.
 struct JobLimits {
-  double sigma0_px = 0.1;     ///< of one image coordinate; circular targets are measured far better than a tenth of a pixel
-  double scale_bar_w = 3.29;  ///< standardised deviation of a scale bar; 0.1 % two-sided of a normal distribution
-  double control_w = 3.29;    ///< the same of a control point
+  double sigma0_px = 0.1;         ///< of one image coordinate; circular targets are measured far better than a tenth of a pixel
+  double scale_bar_w = 3.29;      ///< standardised deviation of a scale bar; 0.1 % two-sided of a normal distribution
+  double control_w = 3.29;        ///< the same of a control point
+  double heldout_rms_px = 0.2;    ///< of board corners held out, per point: five public boards reach 0.05 to 0.17 px
+  double halves_ratio = 2.0;      ///< what odd and even views differ by, over its prediction (mrcal's cross-validation)
+  double area_not_covered = 0.3;  ///< share of the image's inner cells without board corners; a WARNING, never a FAIL
+  double prior_ratio = 2.0;       ///< what the board's shape deviates by, over its prior
+  std::optional<double> baseline_sigma_mm;
   std::optional<double> point_sigma_mm;    ///< largest sigma of a coordinate
   std::optional<double> deviation_rms_mm;  ///< 3D, against the reference
   std::optional<double> deviation_max_mm;
@@ -72,18 +128,25 @@ struct Job {
   std::filesystem::path file;
   std::filesystem::path folder;
   std::string name;
+  std::optional<std::chrono::year_month_day> date;  ///< of the measurement: certificates are held against it
   std::string family;
   std::optional<double> dot_diameter_mm;
   IdRanges ids;
   IdRanges exclude_ids;
   std::map<std::string, JobCamera> cameras;
   std::optional<JobRig> rig;
+  std::optional<JobBoard> board;
   std::optional<JobNetwork> network;
+  std::optional<JobCross> cross;
+  std::optional<JobMachine> machine;
+  std::vector<JobStation> stations;  ///< by the reading of the axis
   std::optional<std::filesystem::path> reference_points;
   std::string reference_unit;  ///< empty: the file says
   JobLimits limits;
   std::vector<std::string> unused;  ///< sections that this version reads past
 
+  /// The cameras that the board calibrates: of a rig in its order, else by name.
+  [[nodiscard]] std::vector<std::string> board_cameras() const;
   [[nodiscard]] std::filesystem::path resolve(const std::filesystem::path& path) const;
 };
 

@@ -116,14 +116,9 @@ Result<base::NetworkCamera> start_camera(const Job& job, const std::string& name
     }
     return with_knowledge(std::move(*camera), settings.estimate);
   }
-  static const std::map<std::string, base::LensModel> kLenses = {{"pinhole", base::LensModel::kPinhole},
-                                                                 {"opencv4", base::LensModel::kOpenCv4},
-                                                                 {"opencv5", base::LensModel::kOpenCv5},
-                                                                 {"opencv8", base::LensModel::kOpenCv8},
-                                                                 {"opencv12", base::LensModel::kOpenCv12}};
   const auto focal_px = nominal_focal_px(job, name, settings, width_px, photograph);
   if (!focal_px) return tl::unexpected(focal_px.error());
-  auto camera = base::Camera::nominal(kLenses.at(settings.lens), width_px, height_px, *focal_px);
+  auto camera = base::Camera::nominal(settings.lens.value_or(base::LensModel::kOpenCv5), width_px, height_px, *focal_px);
   if (!camera) return base::fail(std::move(camera));
   return with_knowledge(std::move(*camera), true);
 }
@@ -179,6 +174,14 @@ Result<base::ScaleBar> distance_of_reference(const Job& job) {
     bar.role = base::ScaleBarRole::kUsed;
   }
   return bar;
+}
+
+/// Whether the network's photographs are those of a rig (rather than of a hand-held camera beside it).
+bool rig_took_part(const Job& job) {
+  if (!job.rig) return false;
+  return std::any_of(job.network->images.begin(), job.network->images.end(), [&job](const auto& images) {
+    return std::find(job.rig->cameras.begin(), job.rig->cameras.end(), images.first) != job.rig->cameras.end();
+  });
 }
 
 /// The stations of a rig: images of its cameras whose patterns' wildcards stand for the same text.
@@ -313,7 +316,7 @@ Result<base::Network> network_of(const Job& job, const fs::path& detection) {
   }
   network.scale_is_free = job.network->scale_is_free;
   network.dot_diameter_mm = job.dot_diameter_mm;
-  if (job.rig) {
+  if (rig_took_part(job)) {
     auto rig = rig_of(job, *task);
     if (!rig) return base::fail(std::move(rig));
     network.rigs.push_back(std::move(*rig));

@@ -5,6 +5,7 @@
 
 #include "app/adjust_result.h"
 #include "app/current.h"
+#include "app/lens_word.h"
 #include "app/network_input.h"
 #include "app/steps.h"
 #include "bundle/adjust.h"
@@ -24,7 +25,7 @@ ordered_json effective_options(const Job& job, const bundle::AdjustOptions& opti
   json["cameras"] = ordered_json::object();
   for (const auto& [name, camera] : job.cameras) {
     ordered_json& entry = json["cameras"][name];
-    entry = {{"lens", camera.lens}, {"estimate", camera.estimate}};
+    entry = {{"lens", lens_word(camera.lens.value_or(base::LensModel::kOpenCv5))}, {"estimate", camera.estimate}};
     if (camera.model) entry["model"] = camera.model->generic_string();
     if (camera.focal_px) entry["focal_px"] = *camera.focal_px;
     if (camera.focal_mm) entry["focal_mm"] = *camera.focal_mm;

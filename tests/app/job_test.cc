@@ -53,20 +53,25 @@ struct BadJob {
   const char* expected;  ///< part of the message
 };
 
-class BadJobs : public testing::TestWithParam<BadJob> {};
-
-TEST_P(BadJobs, AreRefusedWithFileAndLine) {
-  std::string text = kJob;
-  const std::size_t at = text.find(GetParam().from);
-  ASSERT_NE(at, std::string::npos);
-  text.replace(at, std::string(GetParam().from).size(), GetParam().to);
+/// What read_job says of a job with one thing changed; "" where it takes it.
+std::string refusal(std::string text, const BadJob& change) {
+  const std::size_t at = text.find(change.from);
+  if (at == std::string::npos) return "the job does not hold what is to be changed";
+  text.replace(at, std::string(change.from).size(), change.to);
   const tests::TemporaryFolder folder;
   folder.write("job.toml", text);
   const auto job = read_job(folder.path());
-  ASSERT_FALSE(job) << text;
+  if (job) return "";
   EXPECT_EQ(job.error().code, base::ErrorCode::kBadInput);
-  EXPECT_THAT(job.error().message, HasSubstr(GetParam().expected));
-  EXPECT_THAT(job.error().message, HasSubstr("job.toml:"));
+  return job.error().message;
+}
+
+class BadJobs : public testing::TestWithParam<BadJob> {};
+
+TEST_P(BadJobs, AreRefusedWithFileAndLine) {
+  const auto message = refusal(kJob, GetParam());
+  EXPECT_THAT(message, HasSubstr(GetParam().expected));
+  EXPECT_THAT(message, HasSubstr("job.toml:"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Table, BadJobs,
@@ -78,21 +83,140 @@ INSTANTIATE_TEST_SUITE_P(Table, BadJobs,
                                          BadJob{"focal_mm = 24.0", "focal_mm = nan", "focal_mm"},       //
                                          BadJob{"sensor_width_mm = 23.5\n", "", "together"},            //
                                          BadJob{"\"0-100\"", "\"100-0\"", "100-0"},                     //
-                                         BadJob{"[11, 52]", "[11]", "two ids"},                         //
+                                         BadJob{"[11, 52]", "[11]", "two whole numbers"},               //
                                          BadJob{"[11, 52]", "[11, 11]", "different"},                   //
                                          BadJob{"points = \"reference.obc\"\n", "", "scale_from"},      //
                                          BadJob{"{ c043 = \"net/043_*\", c671 = \"net/671_*\" }", "{}", "images"},
                                          BadJob{"family = \"aicon14\"\n", "", "family"},  //
                                          BadJob{"name = \"panel\"", "name = \"panel", "job.toml:2"}));
 
-TEST(Job, ReadsPastTheTablesOfLaterVerbsButChecksTheirKeys) {
+constexpr const char* kHead = R"(format = "crosstie-job/1"
+date = "2026-11-26"
+[board]
+corners = [24, 17]
+pitch_mm = 30.0
+bend_sigma_mm = 0.2
+temperature_c = 22.5
+cte_per_k = 23e-6
+certificate = "B-17"
+certificate_date = "2025-03-01"
+certificate_expires = 2027-03-01
+[camera.left]
+board_images = "board/left/*.png"
+temperature_c = 31.0
+[camera.right]
+board_images = "board/right/*.png"
+lens = "opencv8"
+[rig]
+cameras = ["right", "left"]
+baseline_mm = 800.0
+[cross]
+points = "cross/tritop.csv"
+spheres = "cross/spheres.csv"
+temperature_c = 24.0
+temperature_sigma_c = 0.5
+cte_per_k = 11.5e-6
+cte_sigma_per_k = 1e-6
+certificate = "K-3"
+[machine]
+probe_hits = "machine/hits.csv"
+stylus_diameter_mm = 5.0
+probe_sigma_mm = 0.02
+axis_sigma_mm = 0.01
+temperature_c = 23.5
+[[station]]
+name = "x0850"
+axis_mm = 850.0
+cross = { left = "cross/x0850_l.png", right = "cross/x0850_r.png" }
+scan = { left = "scan/x0850/left" }
+[[station]]
+name = "x0100"
+axis_mm = -100.0
+[limits]
+heldout_rms_px = 0.15
+)";
+
+TEST(Job, ReadsTheHeadsCalibrationAndTheMachine) {
   const tests::TemporaryFolder folder;
-  folder.write("job.toml", std::string(kJob) + "[[station]]\nname = \"x0850\"\naxis_mm = 850.0\n");
+  folder.write("job.toml", kHead);
   const auto job = read_job(folder.path());
   ASSERT_TRUE(job) << job.error().message;
-  EXPECT_THAT(job->unused, testing::ElementsAre("station"));
-  folder.write("job.toml", std::string(kJob) + "[[station]]\naxis_m = 0.85\n");
-  EXPECT_THAT(read_job(folder.path()).error().message, HasSubstr("did you mean 'axis_mm'"));
+  EXPECT_EQ(base::format_date(*job->date), "2026-11-26");
+  ASSERT_TRUE(job->board);
+  const base::Board& board = job->board->board;
+  EXPECT_EQ(board.columns, 24);
+  EXPECT_EQ(board.rows, 17);
+  EXPECT_EQ(board.pattern, base::BoardPattern::kChessboard);
+  EXPECT_TRUE(board.free);
+  EXPECT_EQ(board.prior.bend_sigma_mm, 0.2) << "the job's own";
+  EXPECT_DOUBLE_EQ(board.prior.sigma_mm, board.with_default_prior().prior.sigma_mm) << "the default beside it";
+  EXPECT_EQ(board.certificate.number, "B-17");
+  EXPECT_EQ(base::format_date(*board.certificate.valid_until), "2027-03-01") << "a date of TOML is one, too";
+  EXPECT_EQ(job->cameras.at("left").temperature_c, 31.0);
+  EXPECT_EQ(job->cameras.at("right").lens, base::LensModel::kOpenCv8);
+  EXPECT_FALSE(job->cameras.at("left").lens) << "the ladder chooses";
+  EXPECT_THAT(job->board_cameras(), testing::ElementsAre("right", "left")) << "in the rig's order";
+  EXPECT_EQ(job->rig->baseline_mm, 800.0);
+  EXPECT_EQ(job->cross->spheres, "cross/spheres.csv");
+  EXPECT_EQ(job->cross->thermal.cte_sigma_per_k, 1e-6);
+  EXPECT_EQ(job->machine->stylus_diameter_mm, 5.0);
+  EXPECT_EQ(job->machine->axis_sigma_mm, 0.01);
+  ASSERT_EQ(job->stations.size(), 2U);
+  EXPECT_EQ(job->stations[0].name, "x0100") << "by the axis";
+  EXPECT_THAT(job->stations[1].cross,
+              testing::ElementsAre(testing::Pair("left", "cross/x0850_l.png"), testing::Pair("right", "cross/x0850_r.png")));
+  EXPECT_EQ(job->limits.heldout_rms_px, 0.15);
+}
+
+class BadHeads : public testing::TestWithParam<BadJob> {};
+
+TEST_P(BadHeads, AreRefusedWithFileAndLine) {
+  const auto message = refusal(kHead, GetParam());
+  EXPECT_THAT(message, HasSubstr(GetParam().expected));
+  EXPECT_THAT(message, HasSubstr("job.toml:"));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Table, BadHeads,
+    testing::Values(BadJob{"corners = [24, 17]\n", "", "corners = [COLUMNS, ROWS]"},                         //
+                    BadJob{"[24, 17]", "[24.5, 17]", "whole numbers"},                                       //
+                    BadJob{"[24, 17]", "[1, 17]", "1 x 17 corners"},                                         //
+                    BadJob{"pitch_mm = 30.0\n", "", "pitch_mm"},                                             //
+                    BadJob{"bend_sigma_mm = 0.2", "shape = \"rigid\"\nbend_sigma_mm = 0.2", "rigid"},        //
+                    BadJob{"bend_sigma_mm = 0.2", "pattern = \"chesboard\"", "did you mean 'chessboard'"},   //
+                    BadJob{"bend_sigma_mm = 0.2", "tag_mm = 20.0", "aprilgrid"},                             //
+                    BadJob{"bend_sigma_mm = 0.2", "bend_sigma = 0.2", "did you mean 'bend_sigma_mm'"},       //
+                    BadJob{"bend_sigma_mm = 0.2", "sigma_mm = 0.0", "above 0"},                              //
+                    BadJob{"23e-6", "23.0", "steel"},                                                        //
+                    BadJob{"\"2025-03-01\"", "\"2025-02-30\"", "certificate_date must be a date"},           //
+                    BadJob{"2027-03-01", "2024-03-01", "lies before"},                                       //
+                    BadJob{"date = \"2026-11-26\"", "date = \"26.11.2026\"", "such as \"2026-05-31\""},      //
+                    BadJob{"[\"right\", \"left\"]", "[\"right\", \"right\"]", "twice"},                      //
+                    BadJob{"[\"right\", \"left\"]", "[\"right\", \"lft\"]", "which the job does not have"},  //
+                    BadJob{"[rig]\ncameras = [\"right\", \"left\"]\nbaseline_mm = 800.0\n", "", "which is the left one"},
+                    BadJob{"lens = \"opencv8\"", "lens = \"opencv9\"", "opencv12"},                               //
+                    BadJob{"lens = \"opencv8\"", "model = \"r.cameramodel\"", "not both"},                        //
+                    BadJob{"points = \"cross/tritop.csv\"\n", "", "points"},                                      //
+                    BadJob{"\"cross/tritop.csv\"", "\"adjust\"", "no [network]"},                                 //
+                    BadJob{"11.5e-6", "11.5", "steel"},                                                           //
+                    BadJob{"temperature_sigma_c = 0.5", "temperature_sigma_c = -0.5", "0 or a positive number"},  //
+                    BadJob{"stylus_diameter_mm = 5.0\n", "", "stylus_diameter_mm"},                               //
+                    BadJob{"probe_sigma_mm = 0.02", "probed_spheres = \"p.csv\"", "not both"},                    //
+                    BadJob{"axis_sigma_mm = 0.01", "axis_sigma_m = 0.01", "did you mean 'axis_sigma_mm'"},        //
+                    BadJob{"name = \"x0100\"", "name = \"x0850\"", "two stations"},                               //
+                    BadJob{"axis_mm = -100.0", "axis_mm = \"-100\"", "axis_mm must be a number"},                 //
+                    BadJob{"axis_mm = -100.0\n", "", "axis_mm"},                                                  //
+                    BadJob{"axis_mm = -100.0", "axis_m = -0.1", "did you mean 'axis_mm'"},                        //
+                    BadJob{"heldout_rms_px = 0.15", "heldout_rms = 0.15", "did you mean 'heldout_rms_px'"}));
+
+TEST(Job, ReadsPastTheTableOfALaterVerbButChecksItsKeys) {
+  const tests::TemporaryFolder folder;
+  folder.write("job.toml", std::string(kJob) + "[hole]\nnominal = \"nominal.csv\"\n");
+  const auto job = read_job(folder.path());
+  ASSERT_TRUE(job) << job.error().message;
+  EXPECT_THAT(job->unused, testing::ElementsAre("hole"));
+  folder.write("job.toml", std::string(kJob) + "[hole]\nnominl = \"nominal.csv\"\n");
+  EXPECT_THAT(read_job(folder.path()).error().message, HasSubstr("did you mean 'nominal'"));
 }
 
 TEST(Job, SaysThatItIsMissing) {

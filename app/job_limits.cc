@@ -1,0 +1,29 @@
+// [limits]
+
+#include "app/job_sections.h"
+
+namespace crosstie::app {
+
+void read_limits(const JobTable& root, Job& job) {
+  const auto table = root.table("limits");
+  if (!table) return;
+  table->check_keys("limits", {"sigma0_px", "scale_bar_w", "control_w", "heldout_rms_px", "halves_ratio", "area_not_covered",
+                               "prior_ratio", "baseline_sigma_mm", "point_sigma_mm", "deviation_rms_mm", "deviation_max_mm",
+                               "length_mpe_a_mm", "length_mpe_k"});
+  JobLimits& limits = job.limits;
+  table->number("sigma0_px", limits.sigma0_px);
+  table->number("scale_bar_w", limits.scale_bar_w);
+  table->number("control_w", limits.control_w);
+  table->number("heldout_rms_px", limits.heldout_rms_px);
+  table->number("halves_ratio", limits.halves_ratio);
+  table->number("area_not_covered", limits.area_not_covered);
+  table->number("prior_ratio", limits.prior_ratio);
+  table->number("baseline_sigma_mm", limits.baseline_sigma_mm);
+  table->number("point_sigma_mm", limits.point_sigma_mm);
+  table->number("deviation_rms_mm", limits.deviation_rms_mm);
+  table->number("deviation_max_mm", limits.deviation_max_mm);
+  table->number("length_mpe_a_mm", limits.length_mpe_a_mm);
+  table->number("length_mpe_k", limits.length_mpe_k);
+}
+
+}  // namespace crosstie::app
