@@ -1,5 +1,8 @@
 // Which photographs of a job are looked at for which markers.
 
+#include <algorithm>
+#include <set>
+
 #include <fmt/core.h>
 
 #include "app/steps.h"
@@ -15,7 +18,7 @@ tl::unexpected<base::Error> bad_job(const Job& job, const std::string& message) 
   return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", job.file.string(), message));
 }
 
-/// Family, ids and white levels of the job for these images, which get their names here.
+/// Family, ids and white levels of the job for these images, which have their names.
 Result<DetectionTask> task_of(const Job& job, std::vector<ImageFile> images) {
   auto family = markers::marker_family(job.family);
   if (!family) return bad_job(job, family.error().message);
@@ -23,9 +26,7 @@ Result<DetectionTask> task_of(const Job& job, std::vector<ImageFile> images) {
   task.family = std::move(*family);
   task.base_folder = job.folder;
   task.title = job.name;
-  auto named = name_images(std::move(images));
-  if (!named) return base::fail(std::move(named));
-  task.images = std::move(*named);
+  task.images = std::move(images);
   for (const ImageFile& file : task.images) {
     const auto settings = job.cameras.find(file.camera);
     if (settings != job.cameras.end() && settings->second.white_level)
@@ -53,7 +54,41 @@ Result<DetectionTask> detection_task(const Job& job) {
     if (!files) return base::fail(files.error().code, fmt::format("{}: {}", job.file.string(), files.error().message));
     for (fs::path& path : *files) images.push_back({{}, camera, std::move(path)});
   }
+  auto named = name_images(std::move(images));
+  if (!named) return base::fail(std::move(named));
+  return task_of(job, std::move(*named));
+}
+
+Result<DetectionTask> station_detection_task(const Job& job) {
+  std::vector<ImageFile> images;
+  std::set<fs::path> seen;
+  for (const JobStation& station : job.stations) {
+    for (const auto& [camera, photograph] : station.cross) {
+      fs::path path = job.resolve(photograph);
+      if (!seen.insert(path).second) {
+        return bad_job(job, fmt::format("the image {} is named twice, again by station {}", path.string(), station.name));
+      }
+      images.push_back({station_image(station.name, camera), camera, std::move(path)});
+    }
+  }
+  if (images.empty()) return bad_job(job, "no [[station]] has photographs of the cross");
+  if (job.family.empty()) return bad_job(job, "[markers] needs a family, such as \"ring10\"");
+  std::sort(images.begin(), images.end(), [](const ImageFile& a, const ImageFile& b) { return a.name < b.name; });
   return task_of(job, std::move(images));
+}
+
+Result<DetectionTask> pair_detection_task(const Job& job, const std::vector<std::pair<std::string, fs::path>>& pair) {
+  std::vector<ImageFile> images;
+  for (const auto& [camera, path] : pair) images.push_back({camera, camera, path});
+  std::sort(images.begin(), images.end(), [](const ImageFile& a, const ImageFile& b) { return a.name < b.name; });
+  if (images.size() > 1 && fs::weakly_canonical(images[0].path) == fs::weakly_canonical(images[1].path)) {
+    return base::fail(ErrorCode::kUsage, "the left and the right image are the same file");
+  }
+  return task_of(job, std::move(images));
+}
+
+std::string station_image(const std::string& station, const std::string& camera) {
+  return fmt::format("{}/{}", station, camera);
 }
 
 }  // namespace crosstie::app

@@ -41,6 +41,14 @@ struct DetectionTask {
 /// The detection that a job asks for.
 base::Result<DetectionTask> detection_task(const Job& job);
 
+/// The detection of the cross in the photographs of the job's stations; the image of a station is called station_image().
+base::Result<DetectionTask> station_detection_task(const Job& job);
+/// The same in one photograph of each camera, called by the camera's name.
+base::Result<DetectionTask> pair_detection_task(const Job& job,
+                                                const std::vector<std::pair<std::string, std::filesystem::path>>& pair);
+/// "x0850/left".
+std::string station_image(const std::string& station, const std::string& camera);
+
 /// images -> observations. Images that have not changed since the result in `out` was written are not looked at again.
 base::Result<StepOutcome> detect_step(const DetectionTask& task, const std::filesystem::path& out, bool timings,
                                       Session& session);
