@@ -1,0 +1,381 @@
+#include "scan/decode.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <tuple>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "base/parallel.h"
+#include "math/distributions.h"
+#include "scan/detail/fringe_kernel.h"
+#include "scan/detail/fringe_set.h"
+#include "scan/detail/gray_code.h"
+#include "scan/detail/noise.h"
+#include "scan/detail/ripple.h"
+#include "scan/detail/smooth.h"
+#include "scan/detail/unwrap.h"
+
+namespace crosstie::scan {
+namespace {
+
+using base::ErrorCode;
+using base::fail;
+using base::Image;
+using base::Pattern;
+using base::PatternKind;
+using base::PatternSequence;
+using base::PhaseMap;
+using base::PhasePlane;
+using base::PhaseStatus;
+using base::ProjectorAxis;
+using base::Result;
+using detail::FringeSet;
+
+constexpr double kLeastSigma = 0.3;  // grey levels: quantisation alone
+constexpr double kDisturbedSignificance = 1e-5;
+constexpr std::size_t kLeastPixels = 100;  // with modulation, for there to be anything to decode
+
+/// Images of one axis, set and exposure.
+using SetKey = std::tuple<ProjectorAxis, int, double>;
+
+/// B^2 with less noise, where a pixel's neighbours agree with it: near the least modulation that is taken, those whose noise made it
+/// larger would be taken, with a sigma that is too small.
+std::vector<float> squared_modulation(const FringeSet& set, int width, int height, int threads) {
+  constexpr float kAgreement = 2.0F;  // of the mean over the neighbours
+  std::vector<float> own(set.modulation.size());
+  for (std::size_t i = 0; i < own.size(); ++i) own[i] = set.modulation[i] * set.modulation[i];
+  std::vector<float> mean = detail::box_mean(own, std::vector<char>(own.size(), 1), width, height, 1, threads);
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    if (!(mean[i] < kAgreement * own[i] && own[i] < kAgreement * mean[i])) mean[i] = own[i];
+  }
+  return mean;
+}
+
+SetKey key_of(const Pattern& pattern) { return {pattern.axis, pattern.frequency, pattern.exposure}; }
+
+}  // namespace
+
+Result<> DecodeOptions::validate() const {
+  const auto bad = [](const std::string& what) { return fail(ErrorCode::kUsage, "decoding options: " + what); };
+  if (!(max_phase_sigma_rad > 0.0 && max_phase_sigma_rad < 1.0))
+    return bad(fmt::format("max_phase_sigma_rad is {}, not in (0, 1)", max_phase_sigma_rad));
+  if (!(min_modulation >= 0.0)) return bad(fmt::format("min_modulation is {}, it must be 0 or more", min_modulation));
+  if (noise && !(noise->read >= 0.0 && noise->shot >= 0.0 && noise->read + noise->shot > 0.0 &&
+                 std::isfinite(noise->read + noise->shot)))
+    return bad("the noise must be positive");
+  if (!(max_residual_ratio >= 0.0))
+    return bad(fmt::format("max_residual_ratio is {}, it must be 0 or more", max_residual_ratio));
+  if (!(min_word_agreement >= 0.0 && min_word_agreement <= 1.0))
+    return bad(fmt::format("min_word_agreement is {}, not in 0..1", min_word_agreement));
+  return {};
+}
+
+struct Decoder::Parts {
+  PatternSequence sequence;
+  int width = 0;
+  int height = 0;
+  DecodeOptions options;
+  int bits = 0;
+  std::vector<char> given;  ///< of each pattern
+  std::map<int, Image> waiting;
+  std::map<SetKey, FringeSet> sets;
+  detail::ResidualStatistics statistics;
+  std::map<ProjectorAxis, detail::GrayWords> words;
+
+  [[nodiscard]] std::size_t pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
+  Result<> solve_if_complete(const Pattern& pattern);
+  Result<> read_gray_if_complete(ProjectorAxis axis);
+  /// The set of a frequency with all its exposures in one.
+  [[nodiscard]] FringeSet fused(ProjectorAxis axis, int frequency, const base::GreyNoise& noise);
+  Result<PhasePlane> plane(ProjectorAxis axis, const base::GreyNoise& noise, double waveform, PhaseMap& map,
+                           const base::Progress& progress);
+};
+
+Result<> Decoder::Parts::solve_if_complete(const Pattern& pattern) {
+  std::vector<int> members;
+  for (const int i : sequence.fringe_images(pattern.axis, pattern.frequency)) {
+    if (sequence.patterns[static_cast<std::size_t>(i)].exposure != pattern.exposure) continue;
+    if (!waiting.contains(i)) return {};
+    members.push_back(i);
+  }
+  std::vector<Image> images;
+  std::vector<double> shifts;
+  for (const int i : members) {
+    images.push_back(std::move(waiting.extract(i).mapped()));
+    shifts.push_back(sequence.patterns[static_cast<std::size_t>(i)].shift);
+  }
+  auto set = detail::solve_set(images, shifts, pattern.exposure, {options.noise, options.threads}, statistics, {});
+  if (!set) return fail(std::move(set));
+  sets.emplace(key_of(pattern), std::move(*set));
+  return {};
+}
+
+Result<> Decoder::Parts::read_gray_if_complete(ProjectorAxis axis) {
+  const base::AxisCode& code = sequence.code(axis);
+  if (code.gray_bits == 0 || words.contains(axis)) return {};
+  const auto fringes = std::find_if(sets.begin(), sets.end(), [&](const auto& entry) {
+    return std::get<0>(entry.first) == axis && std::get<1>(entry.first) == code.finest();
+  });
+  if (fringes == sets.end()) return {};
+  std::vector<int> members;
+  for (std::size_t i = 0; i < sequence.patterns.size(); ++i) {
+    const Pattern& pattern = sequence.patterns[i];
+    if (pattern.axis != axis || (pattern.kind != PatternKind::kGray && pattern.kind != PatternKind::kGrayInverse)) continue;
+    if (!waiting.contains(static_cast<int>(i))) return {};
+    members.push_back(static_cast<int>(i));
+  }
+  std::vector<detail::GrayImages> images(static_cast<std::size_t>(code.gray_bits));
+  for (const int i : members) {
+    const Pattern& pattern = sequence.patterns[static_cast<std::size_t>(i)];
+    detail::GrayImages& bit = images[static_cast<std::size_t>(pattern.bit)];
+    Image image = std::move(waiting.extract(i).mapped());
+    if (pattern.kind == PatternKind::kGray) {
+      bit.bright_where_set = std::move(image);
+    } else {
+      bit.inverse = std::move(image);
+    }
+  }
+  auto read = detail::read_gray_code(images, fringes->second, options.threads, {});
+  if (!read) return fail(std::move(read));
+  words.emplace(axis, std::move(*read));
+  return {};
+}
+
+FringeSet Decoder::Parts::fused(ProjectorAxis axis, int frequency, const base::GreyNoise& noise) {
+  std::vector<FringeSet> exposures;
+  for (auto it = sets.begin(); it != sets.end();) {
+    if (std::get<0>(it->first) == axis && std::get<1>(it->first) == frequency) {
+      exposures.push_back(std::move(it->second));
+      it = sets.erase(it);
+    } else {
+      ++it;
+    }
+  }
+  FringeSet result = std::move(exposures.front());
+  if (exposures.size() == 1) return result;
+  // The light's complex amplitude from each exposure with the weight of its variance; levels as of the last, longest one.
+  if (result.gains.empty()) result.gains.assign(pixels(), static_cast<float>(result.gain));
+  for (std::size_t i = 0; i < pixels(); ++i) {
+    double a = 0.0, b = 0.0, weights = 0.0, longest = 0.0;
+    double mean = result.mean[i];
+    double square = result.squares[i];
+    for (std::size_t e = 0; e < exposures.size(); ++e) {
+      const FringeSet& set = e == 0 ? result : exposures[e];
+      if (set.modulation[i] <= 0.0F) continue;
+      const double weight = set.exposure * set.exposure / (set.gain_at(i) * noise.variance(set.mean[i]));
+      const double angle = 2.0 * std::numbers::pi * set.turns[i];
+      a += weight * set.modulation[i] * std::cos(angle) / set.exposure;
+      b += weight * set.modulation[i] * std::sin(angle) / set.exposure;
+      weights += weight;
+      if (set.exposure < longest) continue;
+      longest = set.exposure;
+      mean = set.mean[i];
+      square = set.squares[i];
+    }
+    if (weights == 0.0) continue;
+    const double turns = std::atan2(b, a) / (2.0 * std::numbers::pi);
+    result.turns[i] = static_cast<float>(turns < 0.0 ? std::min(turns + 1.0, 1.0 - 1e-7) : turns);
+    result.modulation[i] = static_cast<float>(longest * std::hypot(a, b) / weights);
+    result.mean[i] = static_cast<float>(mean);
+    result.squares[i] = static_cast<float>(square);
+    result.gains[i] = static_cast<float>(longest * longest / (weights * noise.variance(mean)));
+  }
+  return result;
+}
+
+Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoise& noise, double waveform, PhaseMap& map,
+                                         const base::Progress& progress) {
+  const base::AxisCode& code = sequence.code(axis);
+  const auto finest = static_cast<std::size_t>(code.finest());
+  PhasePlane plane;
+  plane.axis = axis;
+  plane.fringes = code.fringes[finest];
+
+  std::vector<FringeSet> all;
+  std::vector<std::vector<float>> sigmas;
+  for (std::size_t f = 0; f < code.fringes.size(); ++f) all.push_back(fused(axis, static_cast<int>(f), noise));
+  double squares = 0.0;
+  std::int64_t tested = 0;
+  std::int64_t disturbed = 0;
+  for (const FringeSet& set : all) {
+    std::vector<float> sigma(pixels());
+    const std::vector<float> squared = squared_modulation(set, width, height, options.threads);
+    const int dof = set.steps - 3;
+    const double limit = dof > 0 ? options.max_residual_ratio * options.max_residual_ratio *
+                                       math::chi_square_quantile(1.0 - kDisturbedSignificance, dof) / dof
+                                 : 0.0;
+    for (std::size_t i = 0; i < pixels(); ++i) {
+      const double variance = std::max(kLeastSigma * kLeastSigma, noise.variance(set.mean[i]));
+      const double modulation = set.modulation[i];
+      const double amplitude_variance = set.gain_at(i) * variance;
+      // Noise makes the amplitude longer, by twice its variance on average.
+      const double amplitude = std::sqrt(std::max(1e-12, static_cast<double>(squared[i]) - 2.0 * amplitude_variance));
+      sigma[i] = static_cast<float>(std::sqrt(amplitude_variance) / (2.0 * std::numbers::pi * amplitude));
+      if (map.status[i] != PhaseStatus::kValid) continue;
+      if (modulation <= 0.0) {
+        map.status[i] = PhaseStatus::kSaturated;
+      } else if (modulation < options.min_modulation ||
+                 static_cast<double>(sigma[i]) * 2.0 * std::numbers::pi > options.max_phase_sigma_rad) {
+        map.status[i] = PhaseStatus::kDark;
+      } else if (dof > 0) {
+        const double expected = variance + waveform * (dof + 3) / dof * modulation * modulation;
+        const double ratio = set.squares[i] / expected;
+        squares += ratio;
+        ++tested;
+        if (options.max_residual_ratio > 0.0 && ratio > limit) {
+          map.status[i] = PhaseStatus::kDisturbed;
+          ++disturbed;
+        }
+      }
+    }
+    sigmas.push_back(std::move(sigma));
+  }
+  if (tested > 0) {
+    map.residual_ratio = std::max(map.residual_ratio, std::sqrt(squares / static_cast<double>(tested)));
+    map.disturbed_fraction = std::max(map.disturbed_fraction, static_cast<double>(disturbed) / static_cast<double>(tested));
+  }
+  std::vector<char> good(pixels());
+  std::size_t lit = 0;
+  for (std::size_t i = 0; i < pixels(); ++i) {
+    good[i] = map.status[i] == PhaseStatus::kValid;
+    lit += static_cast<std::size_t>(good[i]);
+  }
+  if (lit < kLeastPixels) {
+    return fail(
+        ErrorCode::kBadInput,
+        fmt::format("fringes of the axis {} show in {} pixels only: were these images taken with this projector on? is the "
+                    "order of the images that of the manifest?",
+                    base::axis_name(axis), lit));
+  }
+  if (options.correct_ripple) {
+    for (std::size_t f = 0; f < all.size(); ++f) {
+      const double amplitude = detail::correct_ripple(good, width, height, all[f]);
+      if (f == finest) plane.ripple_turns = amplitude;
+    }
+  }
+
+  plane.sigma_turns = sigmas[finest];
+  if (code.gray_bits > 0) {
+    const detail::GrayWords& code_words = words.at(axis);
+    const auto found = detail::find_word_offset(code_words, all[finest], good, width, height, code.word_periods);
+    plane.word_offset = code.word_offset.value_or(found.offset);
+    plane.word_agreement = found.agreement;
+    if (found.changes < 100 || found.agreement < options.min_word_agreement || found.backwards) {
+      return fail(
+          ErrorCode::kBadInput,
+          fmt::format("the Gray code of the axis {} does not agree with the fringes: {} ({} changes of the code, agreement "
+                      "{:.2f}, {:.2f} is asked for); the images are in another order than the manifest says, or of another "
+                      "sequence",
+                      base::axis_name(axis),
+                      found.changes < 100 ? "it hardly changes"
+                      : found.backwards   ? "phases fall where its words grow"
+                                          : "its words change at all phases",
+                      found.changes, found.agreement, options.min_word_agreement));
+    }
+    auto done = detail::unwrap_by_gray_code(code_words, all[finest], code.word_periods, *plane.word_offset, width, height,
+                                            options.threads, plane, map.status, progress);
+    if (!done) return fail(std::move(done));
+  } else if (all.size() > 1) {
+    std::vector<const FringeSet*> sets_of_axis;
+    for (const FringeSet& set : all) sets_of_axis.push_back(&set);
+    auto done = detail::unwrap_by_sets(sets_of_axis, sigmas, code, width, height, options.threads, plane, map.status, progress);
+    if (!done) return fail(std::move(done));
+  } else {
+    plane.turns = all[finest].turns;
+  }
+  if (map.light.empty()) map.light = all[finest].mean;
+  plane.modulation = std::move(all[finest].modulation);
+  return plane;
+}
+
+Decoder::Decoder(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+Decoder::Decoder(Decoder&&) noexcept = default;
+Decoder& Decoder::operator=(Decoder&&) noexcept = default;
+Decoder::~Decoder() = default;
+
+Result<Decoder> Decoder::make(const PatternSequence& sequence, int width, int height, const DecodeOptions& options) {
+  if (auto ok = options.validate(); !ok) return fail(std::move(ok));
+  if (auto ok = sequence.validate(); !ok) return fail(std::move(ok));
+  if (width < 2 || height < 2 || static_cast<std::int64_t>(width) * height > base::kMaxImagePixels) {
+    return fail(ErrorCode::kBadInput, fmt::format("images of {} x {} px cannot be decoded", width, height));
+  }
+  for (const base::AxisCode* code : {&sequence.x, &sequence.y}) {
+    for (std::size_t f = 0; f < code->fringes.size(); ++f) {
+      const auto axis = code == &sequence.x ? ProjectorAxis::kX : ProjectorAxis::kY;
+      if (sequence.fringe_images(axis, static_cast<int>(f)).size() > static_cast<std::size_t>(detail::kMaxSteps)) {
+        return fail(ErrorCode::kBadInput, fmt::format("more than {} images in a set of fringes", detail::kMaxSteps));
+      }
+    }
+  }
+  auto parts = std::make_unique<Parts>();
+  parts->sequence = sequence;
+  parts->width = width;
+  parts->height = height;
+  parts->options = options;
+  parts->given.assign(sequence.patterns.size(), 0);
+  return Decoder(std::move(parts));
+}
+
+Result<> Decoder::add(int index, Image image) {
+  Parts& parts = *parts_;
+  const auto at = static_cast<std::size_t>(index);
+  if (index < 0 || at >= parts.given.size() || parts.given[at]) {
+    return fail(ErrorCode::kUsage, fmt::format("image {} of the sequence is not asked for", index));
+  }
+  if (image.width() != parts.width || image.height() != parts.height) {
+    return fail(ErrorCode::kBadInput, fmt::format("image {} of the sequence has {} x {} px, the first one {} x {}", index + 1,
+                                                  image.width(), image.height(), parts.width, parts.height));
+  }
+  if (parts.bits == 0) parts.bits = image.bits();
+  if (image.bits() != parts.bits) {
+    return fail(ErrorCode::kBadInput,
+                fmt::format("image {} of the sequence has {} bits, the first one {}", index + 1, image.bits(), parts.bits));
+  }
+  parts.given[at] = 1;
+  const Pattern& pattern = parts.sequence.patterns[at];
+  if (pattern.kind == PatternKind::kWhite || pattern.kind == PatternKind::kBlack) return {};
+  parts.waiting.emplace(index, std::move(image));
+  if (pattern.kind == PatternKind::kFringe) {
+    if (auto ok = parts.solve_if_complete(pattern); !ok) return ok;
+  }
+  return parts.read_gray_if_complete(pattern.axis);
+}
+
+Result<PhaseMap> Decoder::finish(const base::Progress& progress) {
+  Parts& parts = *parts_;
+  for (std::size_t i = 0; i < parts.given.size(); ++i) {
+    if (!parts.given[i]) return fail(ErrorCode::kBadInput, fmt::format("image {} of the sequence is missing", i + 1));
+  }
+  PhaseMap map;
+  map.width = parts.width;
+  map.height = parts.height;
+  map.status.assign(parts.pixels(), PhaseStatus::kValid);
+  map.noise_given = parts.options.noise.has_value();
+  map.noise = parts.options.noise.value_or(parts.statistics.noise());
+  if (map.noise.read == 0.0 && map.noise.shot == 0.0) {
+    return fail(ErrorCode::kBadInput,
+                "sets of three steps leave no residuals from which the camera's noise could be told, and none is given");
+  }
+  const double waveform = parts.statistics.size() > 0 ? parts.statistics.waveform_square() : 0.0;
+  for (const ProjectorAxis axis : {ProjectorAxis::kX, ProjectorAxis::kY}) {
+    if (!parts.sequence.code(axis).used()) continue;
+    auto plane = parts.plane(axis, map.noise, waveform, map, progress);
+    if (!plane) return fail(std::move(plane));
+    (axis == ProjectorAxis::kX ? map.x : map.y) = std::move(*plane);
+  }
+  for (std::size_t i = 0; i < parts.pixels(); ++i) {
+    ++map.counts[static_cast<std::size_t>(map.status[i])];
+    if (map.status[i] == PhaseStatus::kValid) continue;
+    for (auto* plane : {&map.x, &map.y}) {
+      if (*plane) (*plane)->turns[i] = std::numeric_limits<float>::quiet_NaN();
+    }
+  }
+  return map;
+}
+
+}  // namespace crosstie::scan

@@ -1,0 +1,245 @@
+#include "scan/detail/fringe_set.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "base/parallel.h"
+#include "scan/detail/fringe_kernel.h"
+
+namespace crosstie::scan::detail {
+namespace {
+
+using base::Image;
+using base::Result;
+
+constexpr int kRowsPerTask = 16;
+constexpr double kSamplePixels = 2e5;     // of which the residuals' statistics are made
+constexpr double kMarginSigmas = 3.0;     // of an end of the grey scale: samples nearer to it may have been cut off by noise
+constexpr float kLeastModulation = 3.0F;  // levels: of pixels that tell the noise
+constexpr float kClear = 4.0F;            // levels between their darkest or brightest sample and the ends of the grey scale
+
+/// The least squares of one pixel over some of its samples.
+struct PixelFit {
+  double mean = 0.0, a = 0.0, b = 0.0;
+  double squares = 0.0;
+  double gain = 0.0;
+  int used = 0;
+};
+
+class Solver {
+ public:
+  Solver(const std::vector<double>& shifts, double white_level) : low_(0.0), high_(white_level), white_(white_level) {
+    for (const double shift : shifts) {
+      const double angle = 2.0 * std::numbers::pi * shift;
+      directions_.emplace_back(1.0, std::cos(angle), std::sin(angle));
+    }
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    for (const Eigen::Vector3d& d : directions_) normal += d * d.transpose();
+    const Eigen::Matrix3d inverse = normal.inverse();
+    plan_.steps = static_cast<int>(shifts.size());
+    for (int n = 0; n < plan_.steps; ++n) {
+      const auto i = static_cast<std::size_t>(n);
+      const Eigen::Vector3d weights = inverse * directions_[i];
+      plan_.cosine[i] = static_cast<float>(directions_[i].y());
+      plan_.sine[i] = static_cast<float>(directions_[i].z());
+      plan_.mean_weight[i] = static_cast<float>(weights.x());
+      plan_.a_weight[i] = static_cast<float>(weights.y());
+      plan_.b_weight[i] = static_cast<float>(weights.z());
+    }
+    set_margins(0.0, 0.0);
+    gain_ = 0.5 * (inverse(1, 1) + inverse(2, 2));  // of uneven shifts the mean over all phases
+  }
+
+  /// What lies within these of the grey scale's ends is looked at again.
+  void set_margins(double low, double high) {
+    low_ = low;
+    high_ = white_ - high;
+    plan_.clip_low = static_cast<float>(low_);
+    plan_.clip_high = static_cast<float>(high_);
+  }
+
+  [[nodiscard]] const FringePlan& plan() const { return plan_; }
+  [[nodiscard]] double gain() const { return gain_; }
+
+  /// Over the samples that are not cut off; nothing where fewer than three are left, or do not tell a phase.
+  [[nodiscard]] std::optional<PixelFit> fit(const std::vector<double>& levels) const {
+    std::vector<char> use(levels.size(), 1);
+    for (std::size_t n = 0; n < levels.size(); ++n) use[n] = levels[n] > 0.0 && levels[n] < white_;
+    auto result = fit_of(levels, use);
+    // Noise decides whether a sample near the end of the scale is cut off; taking only those that were not would bias the rest.
+    // What all others predict for it decides instead.
+    for (int pass = 0; result && pass < 3; ++pass) {
+      bool changed = false;
+      for (std::size_t n = 0; n < levels.size(); ++n) {
+        const double predicted = result->mean + result->a * directions_[n].y() + result->b * directions_[n].z();
+        const char fits = predicted > low_ && predicted < high_ && levels[n] < white_;
+        changed = changed || fits != use[n];
+        use[n] = fits;
+      }
+      if (!changed) break;
+      result = fit_of(levels, use);
+    }
+    return result;
+  }
+
+  [[nodiscard]] double residual(const std::vector<double>& levels, std::size_t n, const PixelFit& fit) const {
+    return levels[n] - fit.mean - fit.a * directions_[n].y() - fit.b * directions_[n].z();
+  }
+
+ private:
+  [[nodiscard]] std::optional<PixelFit> fit_of(const std::vector<double>& levels, const std::vector<char>& use) const {
+    constexpr double kWeakest = 0.05;  // least pivot of the normal matrix per sample: shifts too near to each other
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    PixelFit result;
+    for (std::size_t n = 0; n < levels.size(); ++n) {
+      if (!use[n]) continue;
+      normal += directions_[n] * directions_[n].transpose();
+      right += levels[n] * directions_[n];
+      ++result.used;
+    }
+    if (result.used < 3) return {};
+    const Eigen::LDLT<Eigen::Matrix3d> ldlt(normal);
+    if (!(ldlt.vectorD().minCoeff() > kWeakest)) return {};
+    const Eigen::Vector3d x = ldlt.solve(right);
+    result.mean = x(0);
+    result.a = x(1);
+    result.b = x(2);
+    for (std::size_t n = 0; n < levels.size(); ++n) {
+      if (use[n]) result.squares += std::pow(residual(levels, n, result), 2);
+    }
+    const double modulation = std::hypot(x(1), x(2));
+    if (result.mean - modulation < -low_) return {};  // less than no light
+    const Eigen::Vector3d across(0.0, -x(2) / std::max(modulation, 1e-12), x(1) / std::max(modulation, 1e-12));
+    result.gain = across.dot(ldlt.solve(across));
+    return result;
+  }
+
+  std::vector<Eigen::Vector3d> directions_;
+  double low_;
+  double high_;
+  double white_;
+  double gain_ = 0.0;
+  FringePlan plan_ = {};
+};
+
+double turns_of(double a, double b) {
+  const double turns = std::atan2(b, a) / (2.0 * std::numbers::pi);
+  return turns < 0.0 ? std::min(turns + 1.0, 1.0 - 1e-7) : turns;
+}
+
+/// The samples of one row in all images.
+template <typename Sample>
+std::array<const Sample*, kMaxSteps> rows_of(const std::vector<Image>& images, int y) {
+  std::array<const Sample*, kMaxSteps> rows = {};
+  for (std::size_t n = 0; n < images.size(); ++n) rows[n] = images[n].view().template row<Sample>(y);
+  return rows;
+}
+
+/// Residuals of pixels all over the image.
+template <typename Sample>
+void sample_residuals(const std::vector<Image>& images, const std::vector<double>& shifts, const Solver& solver,
+                      ResidualStatistics& statistics) {
+  const auto width = static_cast<std::size_t>(images.front().width());
+  const int height = images.front().height();
+  const int every = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(width) * height / kSamplePixels)));
+  std::vector<float> turns(width), modulation(width), mean(width), squares(width);
+  std::vector<std::uint8_t> clipped(width);
+  std::vector<double> levels(images.size()), residuals(images.size());
+  for (int y = 0; y < height; y += every) {
+    const auto rows = rows_of<Sample>(images, y);
+    solve_fringes(solver.plan(), rows.data(), width,
+                  {turns.data(), modulation.data(), mean.data(), squares.data(), clipped.data()});
+    for (std::size_t x = 0; x < width; x += static_cast<std::size_t>(every)) {
+      if (clipped[x] || modulation[x] < kLeastModulation || mean[x] - modulation[x] < kClear ||
+          mean[x] + modulation[x] > static_cast<float>(images.front().white_level()) - kClear) {
+        continue;
+      }
+      const double angle = 2.0 * std::numbers::pi * static_cast<double>(turns[x]);
+      const auto length = static_cast<double>(modulation[x]);
+      const PixelFit fit{mean[x], length * std::cos(angle), length * std::sin(angle)};
+      for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = rows[n][x];
+      for (std::size_t n = 0; n < levels.size(); ++n) residuals[n] = solver.residual(levels, n, fit);
+      statistics.add(turns[x], length, mean[x], shifts, residuals);
+    }
+  }
+}
+
+template <typename Sample>
+void solve_rows(const std::vector<Image>& images, const Solver& solver, int first, int last, FringeSet& set,
+                std::vector<float>& gains) {
+  const auto width = static_cast<std::size_t>(images.front().width());
+  const float dof = static_cast<float>(images.size()) - 3.0F;
+  std::vector<std::uint8_t> clipped(width);
+  std::vector<double> levels(images.size());
+  for (int y = first; y < last; ++y) {
+    const std::size_t at = static_cast<std::size_t>(y) * width;
+    const auto rows = rows_of<Sample>(images, y);
+    solve_fringes(solver.plan(), rows.data(), width,
+                  {&set.turns[at], &set.modulation[at], &set.mean[at], &set.squares[at], clipped.data()});
+    for (std::size_t x = 0; x < width; ++x) set.squares[at + x] = dof > 0.0F ? set.squares[at + x] / dof : 0.0F;
+    for (std::size_t x = 0; x < width; ++x) {
+      if (!clipped[x]) continue;
+      for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = rows[n][x];
+      const auto fit = solver.fit(levels);
+      set.used[at + x] = static_cast<std::uint8_t>(fit ? fit->used : 0);
+      set.modulation[at + x] = fit ? static_cast<float>(std::hypot(fit->a, fit->b)) : 0.0F;
+      if (!fit) continue;
+      set.turns[at + x] = static_cast<float>(turns_of(fit->a, fit->b));
+      set.mean[at + x] = static_cast<float>(fit->mean);
+      set.squares[at + x] = fit->used > 3 ? static_cast<float>(fit->squares / (fit->used - 3)) : 0.0F;
+      gains[at + x] = static_cast<float>(fit->gain);
+    }
+  }
+}
+
+}  // namespace
+
+Result<FringeSet> solve_set(const std::vector<Image>& images, const std::vector<double>& shifts, double exposure,
+                            const SolveSetOptions& options, ResidualStatistics& statistics, const base::Progress& progress) {
+  const int width = images.front().width();
+  const int height = images.front().height();
+  const bool bytes = images.front().bits() == 8;
+  const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  const double white = images.front().white_level();
+  Solver solver(shifts, white);
+  if (bytes) {
+    sample_residuals<std::uint8_t>(images, shifts, solver, statistics);
+  } else {
+    sample_residuals<std::uint16_t>(images, shifts, solver, statistics);
+  }
+  const base::GreyNoise noise = options.noise.value_or(statistics.noise());
+  solver.set_margins(std::max(1.0, kMarginSigmas * std::sqrt(noise.variance(0.0))),
+                     kMarginSigmas * std::sqrt(noise.variance(white)));
+
+  FringeSet set;
+  set.steps = static_cast<int>(images.size());
+  set.exposure = exposure;
+  set.gain = solver.gain();
+  for (auto* plane : {&set.turns, &set.modulation, &set.mean, &set.squares}) plane->resize(pixels);
+  set.used.assign(pixels, static_cast<std::uint8_t>(set.steps));
+  std::vector<float> gains(pixels, static_cast<float>(set.gain));
+  const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
+  auto done = base::parallel_for(tasks, options.threads, "phases", progress, [&](std::size_t task) -> Result<> {
+    const int first = static_cast<int>(task) * kRowsPerTask;
+    const int last = std::min(height, first + kRowsPerTask);
+    if (bytes) {
+      solve_rows<std::uint8_t>(images, solver, first, last, set, gains);
+    } else {
+      solve_rows<std::uint16_t>(images, solver, first, last, set, gains);
+    }
+    return {};
+  });
+  if (!done) return base::fail(std::move(done));
+  if (std::any_of(set.used.begin(), set.used.end(), [&](std::uint8_t used) { return used < set.steps; }))
+    set.gains = std::move(gains);
+  return set;
+}
+
+}  // namespace crosstie::scan::detail

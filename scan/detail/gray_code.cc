@@ -1,0 +1,110 @@
+#include "scan/detail/gray_code.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "base/parallel.h"
+
+namespace crosstie::scan::detail {
+namespace {
+
+constexpr int kRowsPerTask = 32;
+constexpr float kDoubtful = 0.3F;
+
+template <typename Sample>
+void read_rows(const std::vector<GrayImages>& images, const FringeSet& fringes, int first, int last, GrayWords& result) {
+  const auto width = static_cast<std::size_t>(images.front().bright_where_set.width());
+  for (int y = first; y < last; ++y) {
+    const std::size_t at = static_cast<std::size_t>(y) * width;
+    std::uint16_t* words = &result.words[at];
+    std::uint8_t* doubtful = &result.doubtful[at];
+    const float* mean = &fringes.mean[at];
+    const float* modulation = &fringes.modulation[at];
+    for (const GrayImages& bit : images) {
+      const auto* level = bit.bright_where_set.view().template row<Sample>(y);
+      if (bit.inverse) {
+        const auto* other = bit.inverse->view().template row<Sample>(y);
+        for (std::size_t x = 0; x < width; ++x) {
+          const int difference = static_cast<int>(level[x]) - static_cast<int>(other[x]);
+          words[x] = static_cast<std::uint16_t>(words[x] << 1U | (difference > 0 ? 1U : 0U));
+          doubtful[x] = static_cast<std::uint8_t>(
+              doubtful[x] + (std::abs(static_cast<float>(difference)) < 2.0F * kDoubtful * modulation[x] ? 1 : 0));
+        }
+      } else {
+        for (std::size_t x = 0; x < width; ++x) {
+          const float difference = static_cast<float>(level[x]) - mean[x];
+          words[x] = static_cast<std::uint16_t>(words[x] << 1U | (difference > 0.0F ? 1U : 0U));
+          doubtful[x] = static_cast<std::uint8_t>(doubtful[x] + (std::abs(difference) < kDoubtful * modulation[x] ? 1 : 0));
+        }
+      }
+    }
+    for (std::size_t x = 0; x < width; ++x) {  // Gray to binary: each bit is the parity of those from it upwards
+      unsigned word = words[x];
+      word ^= word >> 8U;
+      word ^= word >> 4U;
+      word ^= word >> 2U;
+      word ^= word >> 1U;
+      words[x] = static_cast<std::uint16_t>(word);
+    }
+  }
+}
+
+}  // namespace
+
+base::Result<GrayWords> read_gray_code(const std::vector<GrayImages>& images, const FringeSet& fringes, int threads,
+                                       const base::Progress& progress) {
+  const int height = images.front().bright_where_set.height();
+  GrayWords result;
+  result.words.assign(fringes.mean.size(), 0);
+  result.doubtful.assign(fringes.mean.size(), 0);
+  const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
+  auto done = base::parallel_for(tasks, threads, "Gray code", progress, [&](std::size_t task) -> base::Result<> {
+    const int first = static_cast<int>(task) * kRowsPerTask;
+    const int last = std::min(height, first + kRowsPerTask);
+    if (images.front().bright_where_set.bits() == 8) {
+      read_rows<std::uint8_t>(images, fringes, first, last, result);
+    } else {
+      read_rows<std::uint16_t>(images, fringes, first, last, result);
+    }
+    return {};
+  });
+  if (!done) return base::fail(std::move(done));
+  return result;
+}
+
+WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<char>& good, int width,
+                            int height, double word_periods) {
+  // At a change from word w to w + 1 the coordinate is word_periods (w + 1 + offset), of which the phase is the fraction.
+  std::complex<double> sum = 0.0;
+  WordOffset result;
+  std::int64_t falling = 0;
+  const auto look = [&](std::size_t a, std::size_t b) {
+    if (!good[a] || !good[b]) return;
+    const int step = static_cast<int>(words.words[b]) - static_cast<int>(words.words[a]);
+    if (step != 1 && step != -1) return;
+    double change = static_cast<double>(fringes.turns[b]) - static_cast<double>(fringes.turns[a]);
+    change -= std::round(change);
+    if (std::abs(change) > 0.25) return;  // no neighbours on one surface
+    if (change * step < 0.0) ++falling;
+    const double middle = static_cast<double>(fringes.turns[a]) + 0.5 * change;
+    const int upper = std::max(words.words[a], words.words[b]);
+    sum += std::polar(1.0, 2.0 * std::numbers::pi * (middle - word_periods * upper));
+    ++result.changes;
+  };
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+      if (x + 1 < width) look(at, at + 1);
+      if (y + 1 < height) look(at, at + static_cast<std::size_t>(width));
+    }
+  }
+  if (result.changes == 0) return result;
+  result.backwards = 2 * falling > result.changes;
+  result.agreement = std::abs(sum) / static_cast<double>(result.changes);
+  result.offset = std::arg(sum) / (2.0 * std::numbers::pi) / word_periods;
+  return result;
+}
+
+}  // namespace crosstie::scan::detail

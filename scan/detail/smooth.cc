@@ -1,0 +1,65 @@
+#include "scan/detail/smooth.h"
+
+#include <algorithm>
+
+#include "base/parallel.h"
+
+namespace crosstie::scan::detail {
+namespace {
+
+constexpr int kRowsPerTask = 64;
+
+/// Sums over a window of rows for all columns, and how many of the summed pixels are good.
+struct ColumnSums {
+  std::vector<double> sums;
+  std::vector<int> counts;
+};
+
+}  // namespace
+
+std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<char>& good, int width, int height, int radius,
+                            int threads) {
+  std::vector<float> result = plane;
+  if (radius < 1) return result;
+  const auto w = static_cast<std::size_t>(width);
+  const int full = (2 * radius + 1) * (2 * radius + 1);
+  const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
+  // Sums are carried on within a task only, so that their rounding does not depend on the number of threads.
+  (void)base::parallel_for(tasks, threads, "smoothing", {}, [&](std::size_t task) -> base::Result<> {
+    const int first = static_cast<int>(task) * kRowsPerTask;
+    ColumnSums columns{std::vector<double>(w, 0.0), std::vector<int>(w, 0)};
+    const auto add = [&](int y, int sign) {
+      if (y < 0 || y >= height) return;
+      const std::size_t at = static_cast<std::size_t>(y) * w;
+      for (std::size_t x = 0; x < w; ++x) {
+        if (!good[at + x]) continue;
+        columns.sums[x] += sign * static_cast<double>(plane[at + x]);
+        columns.counts[x] += sign;
+      }
+    };
+    for (int y = first - radius; y < first + radius; ++y) add(y, 1);
+    for (int y = first; y < std::min(height, first + kRowsPerTask); ++y) {
+      add(y + radius, 1);
+      double sum = 0.0;
+      int count = 0;
+      const auto take = [&](int x, int sign) {
+        if (x < 0 || x >= width) return;
+        sum += sign * columns.sums[static_cast<std::size_t>(x)];
+        count += sign * columns.counts[static_cast<std::size_t>(x)];
+      };
+      for (int x = -radius; x < radius; ++x) take(x, 1);
+      for (int x = 0; x < width; ++x) {
+        take(x + radius, 1);
+        if (count == full) {
+          result[static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x)] = static_cast<float>(sum / full);
+        }
+        take(x - radius, -1);
+      }
+      add(y - radius, -1);
+    }
+    return {};
+  });
+  return result;
+}
+
+}  // namespace crosstie::scan::detail

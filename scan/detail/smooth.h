@@ -1,0 +1,12 @@
+#pragma once
+
+#include <vector>
+
+namespace crosstie::scan::detail {
+
+/// The mean of a plane over the square of 2 * radius + 1 pixels about each good pixel, where all of these are good; else the plane's own
+/// value there.
+std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<char>& good, int width, int height, int radius,
+                            int threads);
+
+}  // namespace crosstie::scan::detail
