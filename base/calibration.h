@@ -29,11 +29,12 @@ struct CalibratedCamera {
   double rms_px = 0.0;  ///< sqrt(sum |e|^2 / corners), OpenCV's definition
   /// The same of views that took no part (their poses only were fitted), pooled over the folds; 0: no cross-validation was asked for.
   double rms_heldout_px = 0.0;
-  CalibratedArea area;
+  std::optional<double> temperature_c = {};  ///< of the camera while it took the images; nothing where nobody said
+  CalibratedArea area = {};
   /// Of each parameter: probability of a value at least as far from 0 if the true one were 0 (Student's t); not a number for focal
   /// length and principal point.
-  Eigen::VectorXd significance_p;
-  std::vector<ParameterCorrelation> correlations;  ///< those above 0.95, without fx with fy
+  Eigen::VectorXd significance_p = {};
+  std::vector<ParameterCorrelation> correlations = {};  ///< those above 0.95, without fx with fy
 };
 
 /// Two cameras that are bolted to each other; the first is the rig's frame.

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/detail/result_json.h"
+#include "base/detail/result_reading.h"
 #include "base/file.h"
 #include "base/json_file.h"
 #include "base/result_document.h"
@@ -21,22 +22,9 @@ using detail::list_json;
 using detail::upper_triangle_json;
 
 Json camera_json(const AdjustedCamera& adjusted) {
-  const Camera& camera = adjusted.camera;
-  Json json;
-  json["name"] = adjusted.name;
-  json["model"] = std::string(lens_model_name(camera.model()));
-  json["width"] = camera.width_px();
-  json["height"] = camera.height_px();
-  json["estimated"] = adjusted.estimated;
-  json["param_names"] = Json::array();
-  for (const auto name : parameter_names(camera.model())) json["param_names"].push_back(std::string(name));
-  json["params"] = list_json(camera.parameters());
-  const bool known = camera.covariance().size() > 0;
-  json["sigmas"] = known ? list_json(Eigen::VectorXd(camera.covariance().diagonal().cwiseMax(0.0).cwiseSqrt())) : Json(nullptr);
-  json["cov"] = known ? upper_triangle_json(camera.covariance()) : Json(nullptr);
+  Json json = detail::lens_json(adjusted.name, adjusted.camera, adjusted.estimated);
   json["coverage"] = adjusted.coverage;
-  json["significance_p"] = Json::array();
-  for (const double p : adjusted.significance_p) json["significance_p"].push_back(std::isfinite(p) ? Json(p) : Json(nullptr));
+  json["significance_p"] = detail::significance_json(adjusted.significance_p);
   return json;
 }
 

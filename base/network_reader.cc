@@ -1,12 +1,11 @@
 #include "base/network_reader.h"
 
 #include <map>
-#include <stdexcept>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "base/detail/result_json.h"
+#include "base/detail/result_reading.h"
 #include "base/file.h"
 #include "base/json_file.h"
 #include "base/table.h"
@@ -15,52 +14,17 @@ namespace crosstie::base {
 namespace {
 
 using detail::Json;
+using detail::numbers;
+using detail::symmetric;
+using detail::Unreadable;
 
-/// Why a result cannot be read; never leaves this file.
-struct Unreadable : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-Eigen::VectorXd numbers(const Json& json, Eigen::Index size) {
-  if (!json.is_array() || json.size() != static_cast<std::size_t>(size)) {
-    throw Unreadable(fmt::format("a list of {} numbers was expected", size));
-  }
-  Eigen::VectorXd values(size);
-  for (Eigen::Index i = 0; i < size; ++i) values[i] = json[static_cast<std::size_t>(i)].get<double>();
-  return values;
-}
-
-/// From the upper triangle, row by row.
-Eigen::MatrixXd symmetric(const Json& json, Eigen::Index size) {
-  const Eigen::VectorXd values = numbers(json, size * (size + 1) / 2);
-  Eigen::MatrixXd matrix(size, size);
-  Eigen::Index next = 0;
-  for (Eigen::Index i = 0; i < size; ++i) {
-    for (Eigen::Index k = i; k < size; ++k) matrix(i, k) = matrix(k, i) = values[next++];
-  }
-  return matrix;
-}
-
-AdjustedCamera camera_of(const Json& json) {
-  const auto model = lens_model_from_name(json.at("model").get<std::string>());
-  if (!model) throw Unreadable("an unknown lens model");
-  const int count = parameter_count(*model);
-  auto camera =
-      Camera::make(*model, json.at("width").get<int>(), json.at("height").get<int>(), numbers(json.at("params"), count));
-  if (!camera) throw Unreadable(camera.error().message);
-  if (json.contains("cov") && !json["cov"].is_null()) camera->set_covariance(symmetric(json["cov"], count));
-  return {json.at("name"), *std::move(camera), json.at("estimated")};
-}
+AdjustedCamera camera_of(const Json& json) { return {json.at("name"), detail::lens_of(json), json.at("estimated")}; }
 
 AdjustedImage image_of(const Json& json) {
   AdjustedImage image;
   image.name = json.at("name");
   image.camera = json.at("camera");
-  const Eigen::VectorXd values = numbers(json.at("network_from_camera"), 16);
-  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> matrix(values.data());
-  auto pose = pose_from_matrix(matrix);
-  if (!pose) throw Unreadable(pose.error().message);
-  image.network_from_camera = *pose;
+  image.network_from_camera = detail::pose_of(json.at("network_from_camera"));
   image.cov = symmetric(json.at("cov"), 6);
   image.rms_px = json.at("rms_px");
   image.rays = json.at("rays");
@@ -79,9 +43,7 @@ AdjustedPoint point_of(const Json& json) {
 }
 
 AdjustedNetwork network_of(const Json& json) {
-  if (json.at("format") != std::string(detail::kResultFormat) || json.at("verb") != "adjust") {
-    throw Unreadable("not the result of adjust");
-  }
+  detail::check_verb(json, "adjust");
   AdjustedNetwork network;
   network.datum = json.at("datum");
   network.scale = json.value("scale", "");

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "base/calibration.h"
 #include "base/network.h"
 #include "base/observation.h"
 #include "base/result.h"
@@ -37,6 +38,8 @@ nlohmann::ordered_json result_json(const ResultEnvelope& envelope, const nlohman
 nlohmann::ordered_json detection_json(const std::vector<ImageObservations>& images, bool with_millis);
 /// The body of `adjust`.
 nlohmann::ordered_json network_json(const AdjustedNetwork& network);
+/// The body of `calibrate`.
+nlohmann::ordered_json calibration_json(const Calibration& calibration);
 /// The body of `verify`.
 nlohmann::ordered_json verification_json(const Verification& verification);
 

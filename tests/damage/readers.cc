@@ -4,6 +4,7 @@
 
 #include "base/aicon_files.h"
 #include "base/aicon_network.h"
+#include "base/calibration_reader.h"
 #include "base/camera_file.h"
 #include "base/colmap_model.h"
 #include "base/image.h"
@@ -16,6 +17,7 @@
 #include "base/table.h"
 #include "tests/base/colmap_scene.h"
 #include "tests/base/image_samples.h"
+#include "tests/support/synthetic_calibration.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::tests {
@@ -103,6 +105,19 @@ base::Result<> write_some_result(const fs::path& folder) {
 base::Result<> write_some_covariance(const fs::path& folder) {
   return base::write_covariance(folder,
                                 {Eigen::MatrixXd::Identity(3, 3), {"point 1 x [mm]", "point 1 y [mm]", "point 1 z [mm]"}});
+}
+
+base::Result<> write_some_calibration(const fs::path& folder) {
+  base::Calibration calibration = synthetic_calibration();
+  calibration.views.clear();
+  calibration.stations.clear();
+  calibration.ladder.clear();
+  calibration.cameras[0].area = calibration.cameras[1].area = {1280, 1024};
+  const base::ResultEnvelope envelope{"calibrate", "rig", {}, {}, {}};
+  auto written = base::write_json(folder / "result.json", base::result_json(envelope, nlohmann::ordered_json::object(),
+                                                                            base::calibration_json(calibration)));
+  if (!written) return written;
+  return base::write_covariance(folder, {calibration.covariance, calibration.labels});
 }
 
 void add_tables(std::vector<Reader>& all) {
@@ -210,6 +225,8 @@ std::vector<Reader> readers() {
   }
   add_folder(all, "adjusted network", files_of(write_some_result),
              [](const fs::path& folder) { return base::read_adjusted_network(folder); });
+  add_folder(all, "calibration", files_of(write_some_calibration),
+             [](const fs::path& folder) { return base::read_calibration(folder); });
   add_folder(all, "covariance", files_of(write_some_covariance),
              [](const fs::path& folder) { return base::read_covariance(folder); });
   for (const auto& [name, format] :

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <stdexcept>
+
+#include <Eigen/Core>
+
+#include "base/camera.h"
+#include "base/detail/result_json.h"
+#include "base/pose.h"
+
+namespace crosstie::base::detail {
+
+/// Why a result cannot be read; its readers turn it and nlohmann's exceptions into an Error.
+struct Unreadable : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// A list of exactly so many numbers.
+Eigen::VectorXd numbers(const Json& json, Eigen::Index size);
+/// A symmetric matrix from its upper triangle, row by row.
+Eigen::MatrixXd symmetric(const Json& json, Eigen::Index size);
+/// From 16 numbers, row by row.
+Pose pose_of(const Json& json);
+/// An entry of "cameras", with its covariance where there is one.
+Camera lens_of(const Json& json);
+/// Throws where the document is not the result of this verb.
+void check_verb(const Json& json, std::string_view verb);
+
+/// What every result says of a camera: name, model, width, height, estimated, param_names, params, sigmas, cov.
+Json lens_json(std::string_view name, const Camera& camera, bool estimated);
+/// Probabilities, null for those that are not tested.
+Json significance_json(const Eigen::VectorXd& p);
+
+}  // namespace crosstie::base::detail
