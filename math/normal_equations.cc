@@ -47,6 +47,7 @@ std::vector<int> join_cells(const Parameters& parameters, const WhitenedRows& ro
 }
 
 Result<> check_null_space(const Parameters& parameters, const WhitenedRows& rows, const MatrixXd& null_space) {
+  if (null_space.cols() == 0) return {};
   VectorXd defect = VectorXd::Zero(null_space.cols());
   VectorXd magnitude = VectorXd::Zero(null_space.cols());
   for (int g = 0; g < rows.group_count(); ++g) {

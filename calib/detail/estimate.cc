@@ -65,8 +65,8 @@ Result<Estimate> estimate(const Problem& problem, State& state, const ModelPlan&
 Result<Estimate> estimate_with_sigma(const Problem& problem, State& state, const ModelPlan& plan,
                                      const base::Progress& progress) {
   constexpr int kMaxUpdates = 30;
-  constexpr double kSettled = 1e-6;
-  constexpr double kCoarse = 1e-3;
+  constexpr double kSettled = 1e-4;  // of a sigma that is known to some 1e-2
+  constexpr double kCoarse = 1e-2;
   constexpr double kFine = 1e-9;
   constexpr double kExact = 1e-9;  // relative to what is measured: corners without any noise have no sigma to find
   for (int update = 0;; ++update) {

@@ -27,7 +27,7 @@ struct Estimate {
 base::Result<Estimate> estimate(const Problem& problem, State& state, const ModelPlan& plan, double tolerance,
                                 const base::Progress& progress);
 
-/// The same with the corners' sigma in balance with their residuals, to a relative 1e-6.
+/// The same with the corners' sigma in balance with their residuals, to a relative 1e-4.
 base::Result<Estimate> estimate_with_sigma(const Problem& problem, State& state, const ModelPlan& plan,
                                            const base::Progress& progress);
 

@@ -8,10 +8,9 @@
 
 #include <fmt/format.h>
 
-#include "calib/detail/board_model.h"
+#include "calib/detail/camera_fit.h"
 #include "calib/detail/homography.h"
 #include "calib/detail/rig_start.h"
-#include "math/minimise.h"
 
 namespace crosstie::calib::detail {
 namespace {
@@ -140,24 +139,32 @@ double view_rms_px(const Problem& problem, const State& state, int view) {
 }
 
 /// A robust minimum of one camera's views alone.
-Result<> settle_camera(const Problem& problem, State& state, int camera, const Progress& progress) {
+Result<> settle_camera(const Problem& problem, State& state, int camera) {
   State alone = state;
-  alone.left_from_right.reset();
+  std::vector<std::size_t> used;
   for (std::size_t v = 0; v < problem.views.size(); ++v) {
-    if (problem.views[v].camera != camera) alone.board_from_camera[v].reset();
+    if (problem.views[v].camera != camera) {
+      alone.board_from_camera[v].reset();
+    } else if (alone.board_from_camera[v]) {
+      used.push_back(v);
+    }
   }
   alone.sigma_px = std::max(1e-6, robust_sigma_px(problem, alone));
-  BoardModel network = build_model(problem, alone, {.hold_board = true});
-  auto summary = math::minimise(network.model,
-                                {.max_iterations = 100, .robust_scale = kRobustSigmas, .function_tolerance = 1e-5}, progress);
-  if (!summary) return fail(std::move(summary));
-  read_back(problem, network, alone);
   const auto c = static_cast<std::size_t>(camera);
-  state.lenses[c] = alone.lenses[c];
-  for (std::size_t v = 0; v < problem.views.size(); ++v) {
-    if (problem.views[v].camera == camera) state.board_from_camera[v] = alone.board_from_camera[v];
+  CameraFit fit{state.lenses[c], {}, 0};
+  std::vector<PoseData> views;
+  for (const std::size_t v : used) {
+    fit.board_from_camera.push_back(*state.board_from_camera[v]);
+    views.push_back(pose_data(problem, alone, static_cast<int>(v)));
   }
-  state.iterations += summary->iterations;
+  if (!fit_camera(state.lens_model, views, kRobustSigmas, fit)) {
+    return fail(ErrorCode::kNoUniqueSolution,
+                fmt::format("camera {}: its corners lead to no start values; do they belong to one camera and one board?",
+                            problem.cameras[c]));
+  }
+  state.lenses[c] = fit.lens;
+  for (std::size_t i = 0; i < used.size(); ++i) state.board_from_camera[used[i]] = fit.board_from_camera[i];
+  state.iterations += fit.iterations;
   return {};
 }
 
@@ -207,7 +214,7 @@ Result<> start_camera(Problem& problem, State& state, int camera, const Progress
   }
   for (int round = 0; round < 3; ++round) {
     if (progress.cancelled()) return base::cancelled("the calibration");
-    if (auto ok = settle_camera(problem, state, camera, progress); !ok) return ok;
+    if (auto ok = settle_camera(problem, state, camera); !ok) return ok;
     if (drop_bad_views(problem, state, camera) == 0) break;
   }
   const double tilt = tilt_range_rad(state, *views);
