@@ -13,6 +13,7 @@
 #include "calib/detail/outcome.h"
 #include "calib/detail/outliers.h"
 #include "calib/detail/start.h"
+#include "calib/detail/turned.h"
 
 namespace crosstie::calib {
 namespace {
@@ -85,6 +86,10 @@ Result<Calibration> calibrate(const BoardViews& views, const CalibrateOptions& o
   if (!state) return fail(std::move(state));
   change_lens(*state, options.lens.value_or(base::LensModel::kOpenCv5));
   auto at = detail::estimate_without_outliers(*problem, options, *state, progress);
+  constexpr int kMaxTurns = 4;
+  for (int round = 0; at && round < kMaxTurns && detail::turn_stations(*problem, *state) > 0; ++round) {
+    at = detail::estimate_without_outliers(*problem, options, *state, progress);
+  }
   if (!at) return fail(std::move(at));
 
   std::vector<detail::LensScore> scores;

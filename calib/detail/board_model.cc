@@ -61,6 +61,24 @@ math::Block camera_block(const std::string& name, base::LensModel lens, const Ei
   return block;
 }
 
+/// The denominator of a rational lens is hardly told from its numerator: k1 and k4 take each other's part up without end. What is
+/// known of its terms beforehand is that they are some tenths.
+void add_denominator(base::LensModel lens, int camera, BoardModel& network) {
+  constexpr double kSigma = 0.3;
+  const auto names = base::parameter_names(lens);
+  std::vector<Eigen::Index> terms;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (names[i] == "k4" || names[i] == "k5" || names[i] == "k6") terms.push_back(static_cast<Eigen::Index>(i));
+  }
+  if (terms.empty()) return;
+  const auto count = static_cast<Eigen::Index>(names.size());
+  Eigen::MatrixXd whitening = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(terms.size()), count);
+  for (std::size_t i = 0; i < terms.size(); ++i) whitening(static_cast<Eigen::Index>(i), terms[i]) = 1.0 / kSigma;
+  network.model.measurements.push_back(std::make_unique<math::Prior>(
+      std::vector<int>{camera}, std::vector<int>{static_cast<int>(count)}, Eigen::VectorXd::Zero(count), whitening));
+  network.corner_of_measurement.push_back(-1);
+}
+
 void add_board(const Problem& problem, const State& state, bool hold, BoardModel& network) {
   const bool modes = !hold && !problem.modes.empty();
   if (modes) {
@@ -111,6 +129,7 @@ BoardModel build_model(const Problem& problem, const State& state, const ModelPl
   for (std::size_t c = 0; c < problem.cameras.size(); ++c) {
     network.camera_block.push_back(
         network.model.add(camera_block(problem.cameras[c], state.lens_model, state.lenses[c], plan.hold_lenses)));
+    if (!plan.hold_lenses) add_denominator(state.lens_model, network.camera_block.back(), network);
   }
   bool joint = false;
   for (std::size_t s = 0; s < problem.stations.size(); ++s)

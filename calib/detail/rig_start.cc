@@ -1,9 +1,12 @@
 #include "calib/detail/rig_start.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
+
+#include "calib/detail/turned.h"
 
 namespace crosstie::calib::detail {
 namespace {
@@ -35,29 +38,14 @@ std::vector<Pair> find_pairs(const Problem& problem, const State& state) {
   return pairs;
 }
 
-/// A grid that looks the same after half a turn may have been counted from either end.
-bool may_be_turned(base::BoardPattern pattern) {
-  return pattern == base::BoardPattern::kChessboard || pattern == base::BoardPattern::kCircles;
-}
-
-void turn_corners(Problem& problem, State& state, int view) {
-  for (const int c : problem.views[static_cast<std::size_t>(view)].corners) {
-    Corner& corner = problem.corners[static_cast<std::size_t>(c)];
-    corner.point = problem.board.count() - 1 - corner.point;
-  }
-  auto& pose = state.board_from_camera[static_cast<std::size_t>(view)];
-  pose = base::Pose{Eigen::Quaterniond(0.0, 0.0, 0.0, 1.0), Eigen::Vector3d::Zero()} * *pose;
-}
-
-}  // namespace
-
-base::Result<> start_rig(Problem& problem, State& state) {
-  constexpr double kAgree = 0.05;  // of the distance; a pose from one view is better, pairs of different moments are far worse
-  const std::vector<Pair> pairs = find_pairs(problem, state);
-  if (pairs.empty()) return {};
-  const bool turnable = may_be_turned(problem.board.pattern);
+/// The pair with which most others agree, and how many.
+struct Choice {
   const Pair* best = nullptr;
-  int best_count = 0;
+  int count = 0;
+};
+
+Choice choose(const std::vector<Pair>& pairs, bool turnable, double tolerance) {
+  Choice choice;
   double best_sum = 0.0;
   for (const Pair& candidate : pairs) {
     int count = 0;
@@ -65,28 +53,48 @@ base::Result<> start_rig(Problem& problem, State& state) {
     for (const Pair& other : pairs) {
       double far = apart(candidate.left_from_right, other.left_from_right, other.distance_mm);
       if (turnable) far = std::min(far, apart(candidate.left_from_right, other.turned, other.distance_mm));
-      if (far > kAgree) continue;
+      if (far > tolerance) continue;
       ++count;
       sum += far;
     }
-    if (count > best_count || (count == best_count && sum < best_sum)) {
-      best = &candidate;
-      best_count = count;
+    if (count > choice.count || (count == choice.count && sum < best_sum)) {
+      choice = {&candidate, count};
       best_sum = sum;
     }
   }
-  if (pairs.size() > 1 && 2 * best_count <= static_cast<int>(pairs.size())) {
+  return choice;
+}
+
+}  // namespace
+
+base::Result<> start_rig(Problem& problem, State& state) {
+  // Of the distance. A pose from one view is good to less, unless the views hardly tell the focal length; pairs of different moments
+  // are far worse.
+  constexpr std::array<double, 2> kAgree = {0.05, 0.2};
+  const std::vector<Pair> pairs = find_pairs(problem, state);
+  if (pairs.empty()) return {};
+  const bool turnable = may_be_turned(problem.board.pattern);
+  const auto most = [&](const Choice& choice) {
+    return pairs.size() == 1 || 2 * choice.count > static_cast<int>(pairs.size());
+  };
+  double agree = kAgree[0];
+  Choice choice = choose(pairs, turnable, agree);
+  if (!most(choice)) {
+    agree = kAgree[1];
+    choice = choose(pairs, turnable, agree);
+  }
+  if (!most(choice)) {
     return base::fail(
         base::ErrorCode::kBadInput,
         fmt::format("the pairs contradict each other: only {} of {} agree on where the right camera sits. Do images "
                     "of the same number belong to the same moment, and to the same camera throughout?",
-                    best_count, pairs.size()));
+                    choice.count, pairs.size()));
   }
   for (const Pair& pair : pairs) {
     Station& station = problem.stations[static_cast<std::size_t>(pair.station)];
-    if (apart(best->left_from_right, pair.left_from_right, pair.distance_mm) <= kAgree) continue;
+    if (apart(choice.best->left_from_right, pair.left_from_right, pair.distance_mm) <= agree) continue;
     const std::string& image = problem.views[static_cast<std::size_t>(station.view[1])].image;
-    if (turnable && apart(best->left_from_right, pair.turned, pair.distance_mm) <= kAgree) {
+    if (turnable && apart(choice.best->left_from_right, pair.turned, pair.distance_mm) <= agree) {
       turn_corners(problem, state, station.view[1]);
       problem.warnings.push_back(
           {"corners_turned", image,
@@ -102,7 +110,7 @@ base::Result<> start_rig(Problem& problem, State& state) {
                      "moved. Both take part, but not as a pair",
                      problem.views[static_cast<std::size_t>(station.view[0])].image, image)});
   }
-  state.left_from_right = best->left_from_right;
+  state.left_from_right = choice.best->left_from_right;
   return {};
 }
 

@@ -125,7 +125,7 @@ TEST(CalibrationSampling, CovarianceOfLensesRigAndProjectionsIsTrue) {
   EXPECT_GT(ratio, 0.85);
   EXPECT_LT(ratio, 1.15);
   RecordProperty("projection_ratio", std::to_string(ratio));
-  std::printf("lenses %.3f rig %.3f together %.3f points %.3f baseline %.3f projection %.3f\n", lenses.sum / lenses.dof, rig.sum / rig.dof, together.sum / together.dof, points.sum / points.dof, baseline.sum / baseline.dof, ratio);
+              rig.sum / rig.dof, together.sum / together.dof, points.sum / points.dof, baseline.sum / baseline.dof, ratio);
 }
 
 }  // namespace

@@ -84,17 +84,16 @@ inline TrueScene make_scene(const base::Board& board, const SceneOptions& option
   const Eigen::Vector3d middle(options.two_cameras ? 190.0 : 0.0, 0.0, options.distance_mm);
   for (int s = 0; s < options.stations; ++s) {
     const double roll = options.roll ? 1.57 * static_cast<double>(s % 4) + 0.2 * uniform(random) : 0.05 * uniform(random);
-    const Eigen::Matrix3d turn =
-        (Eigen::AngleAxisd(options.tilt_rad * uniform(random), Eigen::Vector3d::UnitX()) *
-         Eigen::AngleAxisd(options.tilt_rad * uniform(random), Eigen::Vector3d::UnitY()) *
-         Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()))
-            .toRotationMatrix();
+    const Eigen::Matrix3d turn = (Eigen::AngleAxisd(options.tilt_rad * uniform(random), Eigen::Vector3d::UnitX()) *
+                                  Eigen::AngleAxisd(options.tilt_rad * uniform(random), Eigen::Vector3d::UnitY()) *
+                                  Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()))
+                                     .toRotationMatrix();
     const Eigen::Vector3d place =
         middle + 0.25 * options.distance_mm * Eigen::Vector3d(uniform(random), 0.6 * uniform(random), 0.6 * uniform(random));
     for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
       const TrueCamera& camera = scene.cameras[c];
-      base::BoardImage image{(c == 0 ? "left" : "right") + std::to_string(100 + s), scene.views.cameras[c], camera.width,
-                             camera.height, {}};
+      base::BoardImage image{
+          (c == 0 ? "left" : "right") + std::to_string(100 + s), scene.views.cameras[c], camera.width, camera.height, {}};
       for (Eigen::Index i = 0; i < scene.points.cols(); ++i) {
         const Eigen::Vector3d p_in_rig = turn * scene.points.col(i) + place;
         const Eigen::Vector2d pixel = camera.project(camera.rotation * p_in_rig + camera.translation);
