@@ -10,6 +10,7 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "base/file.h"
 #include "base/parallel.h"
 
 namespace crosstie::calib {
@@ -133,7 +134,7 @@ Result<std::vector<base::BoardImage>> find_corners(std::span<const BoardPhoto> p
     if (!image) return tl::unexpected(image.error());
     images[i] = {photo.image, photo.camera, image->width(), image->height(), {}};
     auto corners = find_corners(image->view(), board, detector);
-    if (!corners) return fail(corners.error().code, photo.path.string() + ": " + corners.error().message);
+    if (!corners) return fail(corners.error().code, base::shown(photo.path) + ": " + corners.error().message);
     if (*corners) images[i].corners = std::move(**corners);
     return {};
   });

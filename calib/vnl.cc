@@ -47,7 +47,7 @@ Result<std::vector<VnlImage>> read_vnl(const std::filesystem::path& path) {
     const auto words = words_of(line.substr(0, line.find('#')));
     if (words.empty()) continue;
     const auto refuse = [&](std::string_view what) {
-      return fail(ErrorCode::kBadInput, fmt::format("{}:{}: {}", path.string(), number, what));
+      return fail(ErrorCode::kBadInput, fmt::format("{}:{}: {}", base::shown(path), number, what));
     };
     if (words.size() != 3 && words.size() != 4) return refuse("a line is `filename x y` or `filename x y level`");
     if (images.empty() || images.back().image != words[0]) {
@@ -75,7 +75,7 @@ Result<std::vector<VnlImage>> read_vnl(const std::filesystem::path& path) {
     image.corners_px.emplace_back(*x, *y);
     image.level.push_back(level);
   }
-  if (images.empty()) return fail(ErrorCode::kBadInput, path.string() + ": no corners in it");
+  if (images.empty()) return fail(ErrorCode::kBadInput, base::shown(path) + ": no corners in it");
   return images;
 }
 

@@ -125,7 +125,6 @@ TEST(CalibrationSampling, CovarianceOfLensesRigAndProjectionsIsTrue) {
   EXPECT_GT(ratio, 0.85);
   EXPECT_LT(ratio, 1.15);
   RecordProperty("projection_ratio", std::to_string(ratio));
-              rig.sum / rig.dof, together.sum / together.dof, points.sum / points.dof, baseline.sum / baseline.dof, ratio);
 }
 
 }  // namespace

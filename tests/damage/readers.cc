@@ -15,6 +15,7 @@
 #include "base/point_list.h"
 #include "base/result_document.h"
 #include "base/table.h"
+#include "calib/corners.h"
 #include "tests/base/colmap_scene.h"
 #include "tests/base/image_samples.h"
 #include "tests/support/synthetic_calibration.h"
@@ -217,6 +218,10 @@ std::vector<Reader> readers() {
                   true, false, "6.25", "", "4 5 6.25"},
                  ply});
   all.back().takes_mark = false;
+  all.push_back(
+      {"vnl",
+       {"# filename x y level\nleft01.jpg 244.25 94.5 0\nleft01.jpg 274.5 92.25 1\nleft02.jpg - -\n", true, false, "244.25"},
+       answer([](const fs::path& p) { return calib::read_vnl(p); })});
   all.push_back({"npy",
                  {contents_of([](const fs::path& p) { return base::write_npy(p, Eigen::MatrixXd::Identity(5, 5)); })},
                  answer([](const fs::path& p) { return base::read_npy(p); })});

@@ -12,7 +12,7 @@
 
 namespace crosstie::tests {
 
-/// A reader of `base` with a file that it reads well.
+/// A reader with a file that it reads well.
 struct Reader {
   std::string name;
   Sample sample;
