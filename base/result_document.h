@@ -7,6 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "base/calibration.h"
+#include "base/machine.h"
 #include "base/network.h"
 #include "base/observation.h"
 #include "base/result.h"
@@ -40,6 +41,10 @@ nlohmann::ordered_json detection_json(const std::vector<ImageObservations>& imag
 nlohmann::ordered_json network_json(const AdjustedNetwork& network);
 /// The body of `calibrate`.
 nlohmann::ordered_json calibration_json(const Calibration& calibration);
+/// The body of `commission`.
+nlohmann::ordered_json commissioning_json(const Commissioning& commissioning);
+/// The body of `commission --check`.
+nlohmann::ordered_json head_check_json(const HeadCheck& check);
 /// The body of `verify`.
 nlohmann::ordered_json verification_json(const Verification& verification);
 

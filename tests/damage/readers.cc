@@ -7,6 +7,7 @@
 #include "base/calibration_reader.h"
 #include "base/camera_file.h"
 #include "base/colmap_model.h"
+#include "base/commissioning_reader.h"
 #include "base/image.h"
 #include "base/json_file.h"
 #include "base/network_reader.h"
@@ -14,11 +15,13 @@
 #include "base/ply.h"
 #include "base/point_list.h"
 #include "base/result_document.h"
+#include "base/sphere_list.h"
 #include "base/table.h"
 #include "calib/corners.h"
 #include "tests/base/colmap_scene.h"
 #include "tests/base/image_samples.h"
 #include "tests/support/synthetic_calibration.h"
+#include "tests/support/synthetic_commissioning.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::tests {
@@ -103,6 +106,13 @@ base::Result<> write_some_result(const fs::path& folder) {
   return base::write_json(folder / "result.json", base::result_json(envelope, {}, base::network_json(some_network())));
 }
 
+base::Result<> write_some_commissioning(const fs::path& folder) {
+  const base::Commissioning result = synthetic_commissioning();
+  const base::ResultEnvelope envelope{"commission", "machine", {}, {}, {}};
+  if (auto ok = base::write_covariance(folder, {result.covariance, result.labels}); !ok) return ok;
+  return base::write_json(folder / "result.json", base::result_json(envelope, {}, base::commissioning_json(result)));
+}
+
 base::Result<> write_some_covariance(const fs::path& folder) {
   return base::write_covariance(folder,
                                 {Eigen::MatrixXd::Identity(3, 3), {"point 1 x [mm]", "point 1 y [mm]", "point 1 z [mm]"}});
@@ -145,6 +155,17 @@ void add_tables(std::vector<Reader>& all) {
                  {"id_a,id_b,length_mm,sigma_mm\n17,2,1000.25,0.01\n3,4,1000.0,0.01\n", true, false, "1000.25", "17",
                   "17,2,1000.25,0.01"},
                  bars});
+  const std::string spheres =
+      "id,x_mm,y_mm,z_mm,sigma_x_mm,sigma_y_mm,sigma_z_mm,diameter_mm\n17,1.25,2,3,0.1,0.1,0.1,30\n2,4,5,6,0.1,0.1,0.1,38.1\n";
+  all.push_back({"spheres", {spheres, true, false, "1.25", "17", "17,1.25,2,3,0.1,0.1,0.1,30"}, answer([](const fs::path& p) {
+                   return base::read_reference_spheres(p);
+                 })});
+  all.push_back({"probed spheres",
+                 {spheres, true, false, "1.25", "17", "17,1.25,2,3,0.1,0.1,0.1,30"},
+                 answer([](const fs::path& p) { return base::read_probed_spheres(p); })});
+  all.push_back({"probe hits",
+                 {"sphere,x_mm,y_mm,z_mm\n17,1.25,2,3\n17,2.25,3,3\n", true, false, "1.25", "17", ""},
+                 answer([](const fs::path& p) { return base::read_probe_hits(p); })});
   all.push_back({"observations", {observations, true, false, "200.25", "7", ""}, answer([](const fs::path& p) {
                    return base::read_observations(p);
                  })});
@@ -232,6 +253,8 @@ std::vector<Reader> readers() {
              [](const fs::path& folder) { return base::read_adjusted_network(folder); });
   add_folder(all, "calibration", files_of(write_some_calibration),
              [](const fs::path& folder) { return base::read_calibration(folder); });
+  add_folder(all, "commissioning", files_of(write_some_commissioning),
+             [](const fs::path& folder) { return base::read_commissioning(folder); });
   add_folder(all, "covariance", files_of(write_some_covariance),
              [](const fs::path& folder) { return base::read_covariance(folder); });
   for (const auto& [name, format] :
