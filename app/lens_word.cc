@@ -29,7 +29,8 @@ std::optional<base::LensModel> lens_from_word(std::string_view word) {
 }
 
 std::string lens_word(base::LensModel lens) {
-  std::string_view name = base::lens_model_name(lens);
+  const std::string full_name = base::lens_model_name(lens);
+  std::string_view name = full_name;
   if (name.starts_with(kPrefix)) name.remove_prefix(kPrefix.size());
   return mapped(name, 'A', 'a');
 }

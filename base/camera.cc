@@ -1,7 +1,6 @@
 #include "base/camera.h"
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cmath>
 #include <string>
@@ -11,6 +10,7 @@
 
 #include "base/detail/distortion.h"
 #include "base/detail/lens.h"
+#include "base/detail/spline.h"
 
 namespace crosstie::base {
 namespace {
@@ -21,22 +21,6 @@ using detail::Lens;
 constexpr double kMaxTangent = 57.289961630759424;  // of 89 degrees
 constexpr double kUnprojectTolerancePx = 1e-9;
 
-struct ModelName {
-  LensModel model;
-  std::string_view name;
-};
-constexpr ModelName kModelNames[] = {{LensModel::kPinhole, "LENSMODEL_PINHOLE"},   {LensModel::kOpenCv4, "LENSMODEL_OPENCV4"},
-                                     {LensModel::kOpenCv5, "LENSMODEL_OPENCV5"},   {LensModel::kOpenCv8, "LENSMODEL_OPENCV8"},
-                                     {LensModel::kOpenCv12, "LENSMODEL_OPENCV12"}, {LensModel::kAicon, "AICON"}};
-constexpr std::array<std::string_view, kMaxLensParameters> kParameterNames = {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2",
-                                                                              "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"};
-
-constexpr std::array<std::string_view, kMaxLensParameters> kParameterUnits = {"px", "px", "px", "px"};
-constexpr std::array<std::string_view, 15> kAiconNames = {
-    "c", "xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2", "r0", "sensor_width", "sensor_height", "columns", "rows"};
-constexpr std::array<std::string_view, 15> kAiconUnits = {"mm", "mm", "mm", "1/mm^2", "1/mm^4", "1/mm^6", "1/mm", "1/mm",
-                                                          "",   "",   "mm", "mm",     "mm",     "px",     "px"};
-
 /// What a parameter must be like; the reason why it is not.
 std::string_view fault_of(LensModel model, int index, double value) {
   if (!std::isfinite(value)) return "is not finite";
@@ -44,54 +28,28 @@ std::string_view fault_of(LensModel model, int index, double value) {
   return positive && !(value > 0.0) ? "is not positive" : "";
 }
 
+/// The tangent of the angle to the axis at which the stereographic radius is |u|.
+double tangent_of_stereographic(double u) {
+  const double half = 0.5 * u;  // tan(angle / 2)
+  return half * half < 1.0 ? std::min(u / (1.0 - half * half), kMaxTangent) : kMaxTangent;
+}
+
+/// (x', y') of any lens at a direction (X/Z, Y/Z), as detail::distort.
+Distorted distorted(LensModel model, const Eigen::VectorXd& parameters, const Lens& lens, const Eigen::Vector2d& tangent) {
+  if (!model.is_splined()) return detail::distort(lens.distortion, tangent.x(), tangent.y());
+  const Eigen::Vector3d p(tangent.x(), tangent.y(), 1.0);
+  Eigen::Vector2d pixel;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
+  detail::project_splined(model, parameters.data(), p.data(), pixel.data(), by_point.data(), nullptr);
+  return {(pixel.x() - lens.cx) / lens.fx, (pixel.y() - lens.cy) / lens.fy, by_point(0, 0) / lens.fx,
+          by_point(0, 1) / lens.fx,        by_point(1, 0) / lens.fy,        by_point(1, 1) / lens.fy};
+}
+
 }  // namespace
-
-int parameter_count(LensModel model) {
-  switch (model) {
-    case LensModel::kPinhole:
-      return 4;
-    case LensModel::kOpenCv4:
-      return 8;
-    case LensModel::kOpenCv5:
-      return 9;
-    case LensModel::kOpenCv8:
-      return 12;
-    case LensModel::kOpenCv12:
-      return 16;
-    case LensModel::kAicon:
-      return 15;
-  }
-  return 4;
-}
-
-int adjustable_count(LensModel model) { return model == LensModel::kAicon ? 10 : parameter_count(model); }
-
-std::string_view lens_model_name(LensModel model) {
-  for (const ModelName& entry : kModelNames) {
-    if (entry.model == model) return entry.name;
-  }
-  return "";
-}
-
-std::optional<LensModel> lens_model_from_name(std::string_view name) {
-  for (const ModelName& entry : kModelNames) {
-    if (entry.name == name) return entry.model;
-  }
-  return std::nullopt;
-}
-
-std::span<const std::string_view> parameter_names(LensModel model) {
-  if (model == LensModel::kAicon) return kAiconNames;
-  return std::span(kParameterNames).first(static_cast<std::size_t>(parameter_count(model)));
-}
-
-std::span<const std::string_view> parameter_units(LensModel model) {
-  if (model == LensModel::kAicon) return kAiconUnits;
-  return std::span(kParameterUnits).first(static_cast<std::size_t>(parameter_count(model)));
-}
 
 bool project_bare(LensModel model, const double* parameters, const double* p_in_camera, double* pixel, double* d_point,
                   double* d_parameters) {
+  if (model.is_splined()) return detail::project_splined(model, parameters, p_in_camera, pixel, d_point, d_parameters);
   const double z = p_in_camera[2];
   if (!(z > 0.0)) return false;
   const double inverse_z = 1.0 / z;
@@ -155,7 +113,12 @@ Result<Camera> Camera::make(LensModel model, int width_px, int height_px, Eigen:
   camera.model_ = model;
   camera.width_px_ = width_px;
   camera.height_px_ = height_px;
-  camera.valid_tangent_ = detail::first_fold(detail::lens_of(model, parameters.data()).distortion, kMaxTangent);
+  if (model.is_splined()) {
+    camera.half_extent_ = detail::half_extent(model.grid());
+    camera.valid_tangent_ = tangent_of_stereographic(camera.half_extent_.norm());
+  } else {
+    camera.valid_tangent_ = detail::first_fold(detail::lens_of(model, parameters.data()).distortion, kMaxTangent);
+  }
   camera.parameters_ = std::move(parameters);
   return camera;
 }
@@ -182,10 +145,33 @@ void Camera::set_covariance(Eigen::MatrixXd covariance) {
   covariance_ = std::move(covariance);
 }
 
+bool Camera::calibrated_at(const Eigen::Vector2d& pixel) const {
+  if (!(pixel.minCoeff() >= -0.5 && pixel.x() <= width_px_ - 0.5 && pixel.y() <= height_px_ - 0.5)) return false;
+  if (!valid_region_px_) return true;
+  // Even-odd rule: a ray to the right crosses the outline an odd number of times.
+  const Region& region = *valid_region_px_;
+  bool inside = false;
+  for (std::size_t i = 0; i < region.size(); ++i) {
+    const Eigen::Vector2d& a = region[i];
+    const Eigen::Vector2d& b = region[(i + 1) % region.size()];
+    if ((a.y() > pixel.y()) == (b.y() > pixel.y())) continue;
+    if (pixel.x() < a.x() + (b.x() - a.x()) * (pixel.y() - a.y()) / (b.y() - a.y())) inside = !inside;
+  }
+  return inside;
+}
+
+bool Camera::in_domain(const Eigen::Vector2d& tangent) const {
+  const double square = tangent.squaredNorm();
+  if (!(square < valid_tangent_ * valid_tangent_)) return false;
+  if (!model_.is_splined()) return true;
+  const Eigen::Vector2d u = tangent * (2.0 / (1.0 + std::sqrt(1.0 + square)));
+  return std::abs(u.x()) < half_extent_.x() && std::abs(u.y()) < half_extent_.y();
+}
+
 std::optional<Eigen::Vector2d> Camera::project(const Eigen::Vector3d& p_in_camera, Eigen::Matrix<double, 2, 3>* d_point,
                                                ProjectionParameterJacobian* d_parameters) const {
   const double z = p_in_camera.z();
-  if (!(z > 0.0) || !(p_in_camera.head<2>().norm() < valid_tangent_ * z)) return std::nullopt;
+  if (!(z > 0.0) || !in_domain(p_in_camera.head<2>() / z)) return std::nullopt;
   if (d_parameters != nullptr) d_parameters->resize(2, parameters_.size());
   Eigen::Vector2d pixel;
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
@@ -200,17 +186,19 @@ std::optional<Eigen::Vector2d> Camera::project(const Eigen::Vector3d& p_in_camer
 std::optional<Eigen::Vector3d> Camera::unproject(const Eigen::Vector2d& pixel) const {
   if (!pixel.allFinite()) return std::nullopt;
   const Lens lens = detail::lens_of(model_, parameters_.data());
-  const detail::Distortion& k = lens.distortion;
   const Eigen::Array2d focal(lens.fx, lens.fy);
   const Eigen::Vector2d target = (pixel.array() - Eigen::Array2d(lens.cx, lens.cy)) / focal;
-  const auto inside = [&](const Eigen::Vector2d& p) { return p.norm() < valid_tangent_; };
+  const auto image_of = [&](const Eigen::Vector2d& p) { return distorted(model_, parameters_, lens, p); };
 
-  // Start on the same azimuth at the radius that the radial terms alone give.
+  // Start on the same azimuth at the radius that the radial terms alone, or the spline's stereographic part, give.
   Eigen::Vector2d p = target;
-  if (const double radius = target.norm(); radius > 0.0) {
-    p *= detail::undistorted_radius(k, radius, (1.0 - 1e-6) * valid_tangent_) / radius;
+  if (model_.is_splined()) {
+    p = p.cwiseMax(-0.999 * half_extent_).cwiseMin(0.999 * half_extent_);
+    if (const double u = p.norm(); u > 0.0) p *= (1.0 - 1e-6) * tangent_of_stereographic(u) / u;
+  } else if (const double radius = target.norm(); radius > 0.0) {
+    p *= detail::undistorted_radius(lens.distortion, radius, (1.0 - 1e-6) * valid_tangent_) / radius;
   }
-  Distorted image = detail::distort(k, p.x(), p.y());
+  Distorted image = image_of(p);
   Eigen::Vector2d residual = Eigen::Vector2d(image.x, image.y) - target;
   for (int iteration = 0; iteration < 100; ++iteration) {
     const double determinant = image.determinant();
@@ -220,8 +208,8 @@ std::optional<Eigen::Vector3d> Camera::unproject(const Eigen::Vector2d& pixel) c
     bool improved = false;
     for (double length = 1.0; length > 1e-6 && !improved; length *= 0.5) {
       const Eigen::Vector2d next = p + length * step;
-      if (!inside(next)) continue;
-      const Distorted next_image = detail::distort(k, next.x(), next.y());
+      if (!in_domain(next)) continue;
+      const Distorted next_image = image_of(next);
       const Eigen::Vector2d next_residual = Eigen::Vector2d(next_image.x, next_image.y) - target;
       if (next_image.determinant() > 0.0 && next_residual.norm() < residual.norm()) {
         p = next;

@@ -1,58 +1,32 @@
 #pragma once
 
 #include <optional>
-#include <span>
-#include <string_view>
+#include <vector>
 
 #include <Eigen/Core>
 
+#include "base/lens_model.h"
 #include "base/result.h"
 
 namespace crosstie::base {
 
-/// Central lens models. The parameters are in mrcal's order: fx fy cx cy [px], then the distortion of OpenCV
-/// (docs.opencv.org, calib3d): k1 k2 p1 p2 | k3 | k4 k5 k6 | s1 s2 s3 s4. With x = X/Z, y = Y/Z, r2 = x^2 + y^2:
-///     radial = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)
-///     x' = x radial + 2 p1 x y + p2 (r2 + 2 x^2) + s1 r2 + s2 r2^2
-///     y' = y radial + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2
-///     pixel = (fx x' + cx, fy y' + cy)
-///
-/// kAicon is the model of AICON 3D Studio's .ior files, balanced about r0, on the sensor in mm with y up:
-///     xs = c X/Z, ys = -c Y/Z, r2 = xs^2 + ys^2
-///     dr = A1 (r2 - r0^2) + A2 (r2^2 - r0^4) + A3 (r2^3 - r0^6)
-///     x = xh + xs (1 + dr) + B1 (r2 + 2 xs^2) + 2 B2 xs ys + C1 xs + C2 ys
-///     y = yh + ys (1 + dr) + B2 (r2 + 2 ys^2) + 2 B1 xs ys
-///     pixel = ((columns - 1) / 2 + x columns / width, (rows - 1) / 2 - y rows / height)
-/// with the parameters c xh yh [mm] A1 A2 A3 B1 B2 C1 C2, then the constants r0, width, height [mm], columns, rows [px].
-enum class LensModel { kPinhole, kOpenCv4, kOpenCv5, kOpenCv8, kOpenCv12, kAicon };
-
-inline constexpr int kMaxLensParameters = 16;
-
-/// All parameters: for OpenCV's models 4 + the number of distortion parameters.
-[[nodiscard]] int parameter_count(LensModel model);
-/// The first of them that an adjustment may estimate; what follows are constants of the model (kAicon: r0 and the sensor).
-[[nodiscard]] int adjustable_count(LensModel model);
-/// mrcal's name: "LENSMODEL_PINHOLE", "LENSMODEL_OPENCV5", ...; "AICON" for kAicon, which mrcal does not have.
-[[nodiscard]] std::string_view lens_model_name(LensModel model);
-[[nodiscard]] std::optional<LensModel> lens_model_from_name(std::string_view name);
-/// "fx", "fy", "cx", "cy", "k1", ... in the order of the parameters; for kAicon "c", "xh", "yh", "A1", ...
-[[nodiscard]] std::span<const std::string_view> parameter_names(LensModel model);
-/// "px", "mm", "1/mm^2", ... in the order of the parameters; "" for those without a unit.
-[[nodiscard]] std::span<const std::string_view> parameter_units(LensModel model);
-
 /// The bare projection, for the inner loops of adjustments: no domain beyond Z > 0 is checked.
 /// `parameters` has parameter_count(model) values, `p_in_camera` three (mm), `pixel` receives two (px).
 /// `d_point` (2x3) and `d_parameters` (2 x parameter_count) are row-major and may be null. Returns false where Z <= 0.
+/// Splined models: all but 4 + 2 (order + 1)^2 columns of `d_parameters` are zero.
 bool project_bare(LensModel model, const double* parameters, const double* p_in_camera, double* pixel, double* d_point,
                   double* d_parameters);
 
-using ProjectionParameterJacobian = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, kMaxLensParameters>;
+using ProjectionParameterJacobian = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// The interior orientation of one camera: lens model, image size and parameters, with their covariance where it is known.
 ///
 /// Pixels: (0, 0) is the centre of the first pixel. Camera frame: x right, y down, z forward, mm.
 /// Valid domain: the rays around the optical axis up to the first radius at which the radial distortion stops growing (there
-/// the model folds and is no longer invertible), or 89 degrees. Outside of it project and unproject refuse.
+/// the model folds and is no longer invertible), or 89 degrees; of a splined model what its grid covers of them. Outside of it
+/// project and unproject refuse.
+///
+/// Where the domain was calibrated is another matter: calibrated_at() tells it.
 class Camera {
  public:
   /// An Error where counts differ, a value is not finite, a focal length is not positive or the size is not positive.
@@ -74,6 +48,14 @@ class Camera {
   /// `covariance` is empty or square of parameter_count(model()); asserted.
   void set_covariance(Eigen::MatrixXd covariance);
 
+  /// The polygon [px] inside of which observations stand behind the model (mrcal's valid_intrinsics_region); nothing where
+  /// unknown, no corner where there is no such place. The last corner is joined to the first.
+  using Region = std::vector<Eigen::Vector2d>;
+  [[nodiscard]] const std::optional<Region>& valid_region_px() const { return valid_region_px_; }
+  void set_valid_region(std::optional<Region> region_px) { valid_region_px_ = std::move(region_px); }
+  /// Whether the pixel lies in the image and inside of the valid region, where that is known: elsewhere the model extrapolates.
+  [[nodiscard]] bool calibrated_at(const Eigen::Vector2d& pixel) const;
+
   /// Largest tangent of the angle to the optical axis inside the valid domain.
   [[nodiscard]] double valid_tangent() const { return valid_tangent_; }
 
@@ -89,13 +71,17 @@ class Camera {
 
  private:
   Camera() = default;
+  /// Whether a direction (X/Z, Y/Z) lies in the valid domain.
+  [[nodiscard]] bool in_domain(const Eigen::Vector2d& tangent) const;
 
-  LensModel model_ = LensModel::kPinhole;
+  LensModel model_;
   int width_px_ = 0;
   int height_px_ = 0;
   double valid_tangent_ = 0.0;
+  Eigen::Vector2d half_extent_ = Eigen::Vector2d::Zero();  ///< of a splined model's grid, see detail/spline.h
   Eigen::VectorXd parameters_;
   Eigen::MatrixXd covariance_;
+  std::optional<Region> valid_region_px_;
 };
 
 }  // namespace crosstie::base

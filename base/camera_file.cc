@@ -20,6 +20,8 @@ using detail::YamlDocument;
 
 /// mrcal's models may carry the whole calibration problem inside.
 constexpr std::size_t kMaxCameraFileBytes = std::size_t{256} << 20;
+/// Ours: mrcal passes over keys that it does not know.
+const std::string kCovarianceKey = "intrinsics_covariance";
 
 tl::unexpected<Error> bad(const std::filesystem::path& path, std::string_view what) {
   return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), what));
@@ -45,6 +47,36 @@ std::optional<Eigen::VectorXd> numbers(const PythonLiteral* list) {
   return result;
 }
 
+bool is_none(const PythonLiteral& literal) { return literal.kind == PythonLiteral::Kind::kName && literal.text == "None"; }
+
+/// mrcal repeats the first corner at the end; here every corner stands once.
+std::optional<Camera::Region> region_of(const PythonLiteral& list) {
+  if (list.kind != PythonLiteral::Kind::kList) return std::nullopt;
+  Camera::Region region;
+  for (const PythonLiteral& item : list.items) {
+    const auto corner = numbers(&item);
+    if (!corner || corner->size() != 2) return std::nullopt;
+    region.emplace_back(*corner);
+  }
+  if (region.size() > 1 && region.front() == region.back()) region.pop_back();
+  return region;
+}
+
+/// A symmetric matrix from its upper triangle, row by row; nothing where it cannot be a covariance.
+std::optional<Eigen::MatrixXd> covariance_of(const PythonLiteral& list, Eigen::Index size) {
+  const auto values = numbers(&list);
+  if (!values || values->size() != size * (size + 1) / 2) return std::nullopt;
+  Eigen::MatrixXd matrix(size, size);
+  Eigen::Index next = 0;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index k = i; k < size; ++k) matrix(i, k) = matrix(k, i) = (*values)[next++];
+  }
+  const Eigen::VectorXd sigmas = matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
+  const bool possible = matrix.diagonal().minCoeff() >= 0.0 &&
+                        (matrix.cwiseAbs().array() <= (1.0 + 1e-6) * (sigmas * sigmas.transpose()).array()).all();
+  return possible ? std::optional<Eigen::MatrixXd>(std::move(matrix)) : std::nullopt;
+}
+
 Result<Camera> read_cameramodel(const std::filesystem::path& path, std::string_view text) {
   const auto literal = detail::parse_python_literal(text);
   if (!literal)
@@ -53,14 +85,30 @@ Result<Camera> read_cameramodel(const std::filesystem::path& path, std::string_v
   if (name == nullptr || name->kind != PythonLiteral::Kind::kText) return bad(path, "the key lensmodel is missing");
   const auto model = lens_model_from_name(name->text);
   if (!model) {
-    return bad(path, fmt::format("the lens model {} is not read; convert it to LENSMODEL_OPENCV5 or another of OpenCV's",
+    return bad(path, fmt::format("the lens model {} is not read; known are LENSMODEL_PINHOLE, LENSMODEL_OPENCV4 to 12 and "
+                                 "LENSMODEL_SPLINED_STEREOGRAPHIC with its configuration",
                                  name->text.substr(0, 80)));
   }
   auto parameters = numbers(literal->find("intrinsics"));
   if (!parameters) return bad(path, "the list intrinsics is missing");
   const auto size = numbers(literal->find("imagersize"));
   if (!size || size->size() != 2) return bad(path, "the list imagersize of two numbers is missing");
-  return make_camera(path, *model, (*size)[0], (*size)[1], *std::move(parameters));
+  auto camera = make_camera(path, *model, (*size)[0], (*size)[1], *std::move(parameters));
+  if (!camera) return camera;
+  if (const PythonLiteral* region = literal->find("valid_intrinsics_region"); region != nullptr && !is_none(*region)) {
+    auto polygon = region_of(*region);
+    if (!polygon) return bad(path, "valid_intrinsics_region is no list of points [x, y]");
+    camera->set_valid_region(*std::move(polygon));
+  }
+  if (const PythonLiteral* covariance = literal->find(kCovarianceKey); covariance != nullptr && !is_none(*covariance)) {
+    auto matrix = covariance_of(*covariance, camera->parameters().size());
+    if (!matrix) {
+      return bad(path, fmt::format("{} is not the upper triangle of a covariance of {} parameters", kCovarianceKey,
+                                   camera->parameters().size()));
+    }
+    camera->set_covariance(*std::move(matrix));
+  }
+  return camera;
 }
 
 /// The model with that many coefficients; the two of a tilted sensor (14) are accepted where they are zero.
@@ -127,6 +175,28 @@ std::string joined(const Eigen::VectorXd& values) {
   return result;
 }
 
+std::string region_text(const std::optional<Camera::Region>& region) {
+  if (!region) return "";
+  std::string corners;
+  const auto add = [&](const Eigen::Vector2d& corner) {
+    fmt::format_to(std::back_inserter(corners), "        [ {}, {} ],\n", digits(corner.x()), digits(corner.y()));
+  };
+  for (const Eigen::Vector2d& corner : *region) add(corner);
+  if (!region->empty()) add(region->front());
+  return fmt::format("    # where observations stand behind the model\n    'valid_intrinsics_region': [\n{}    ],\n\n",
+                     corners);
+}
+
+std::string covariance_text(const Eigen::MatrixXd& covariance) {
+  if (covariance.size() == 0) return "";
+  std::string rows;
+  for (Eigen::Index i = 0; i < covariance.rows(); ++i) {
+    const Eigen::VectorXd row = covariance.row(i).tail(covariance.cols() - i);
+    fmt::format_to(std::back_inserter(rows), "        {},\n", joined(row));
+  }
+  return fmt::format("    # upper triangle, row by row\n    '{}': [\n{}    ],\n\n", kCovarianceKey, rows);
+}
+
 }  // namespace
 
 Result<Camera> read_camera(const std::filesystem::path& path) {
@@ -149,15 +219,20 @@ Result<> write_cameramodel(const std::filesystem::path& path, const Camera& came
                                                  "    'lensmodel':  '{}',\n\n"
                                                  "    # {}\n"
                                                  "    'intrinsics': [ {} ],\n\n"
+                                                 "{}{}"
                                                  "    # none: the frame is the camera's own\n"
                                                  "    'extrinsics': [ 0, 0, 0, 0, 0, 0 ],\n\n"
                                                  "    'imagersize': [ {}, {} ]\n"
                                                  "}}\n",
                                                  lens_model_name(camera.model()), names, joined(camera.parameters()),
+                                                 region_text(camera.valid_region_px()), covariance_text(camera.covariance()),
                                                  camera.width_px(), camera.height_px()));
 }
 
 Result<> write_opencv_yaml(const std::filesystem::path& path, const Camera& camera) {
+  if (camera.model().is_splined()) {
+    return fail(ErrorCode::kUsage, fmt::format("{}: OpenCV has no splined lens model", shown(path)));
+  }
   if (camera.model() == LensModel::kAicon) {
     return fail(ErrorCode::kUsage, fmt::format("{}: OpenCV has no lens model with AICON's balanced distortion", shown(path)));
   }

@@ -8,11 +8,12 @@
 namespace crosstie::base {
 
 /// Reads a camera model by its content: mrcal's `.cameramodel` or OpenCV's YAML (camera_matrix, distortion_coefficients,
-/// image_width, image_height, as calibrateCamera's sample writes them).
+/// image_width, image_height, as calibrateCamera's sample writes them). Of a .cameramodel the extrinsics and the optimization
+/// inputs are passed over; valid_intrinsics_region and our own key intrinsics_covariance are taken where they are.
 Result<Camera> read_camera(const std::filesystem::path& path);
 
 /// Writes mrcal's `.cameramodel` with 17 significant digits (mrcal 2.2's own writer keeps six decimals) and identity
-/// extrinsics.
+/// extrinsics; with the valid region and the covariance where the camera has them (mrcal passes over the latter).
 Result<> write_cameramodel(const std::filesystem::path& path, const Camera& camera);
 
 /// Writes OpenCV's YAML with 17 significant digits.

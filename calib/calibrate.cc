@@ -75,6 +75,7 @@ Result<> CalibrateOptions::validate() const {
   }
   if (threads < 0) return refuse("threads must not be negative");
   if (lens && *lens == base::LensModel::kAicon) return refuse("the lens model AICON is not calibrated from boards");
+  if (lens && lens->is_splined()) return refuse("a splined lens model is calibrated by mrcal only (second_opinion)");
   return {};
 }
 

@@ -11,6 +11,7 @@ find_package(exiv2 REQUIRED)
 find_package(JPEG REQUIRED)
 find_package(PNG REQUIRED)
 find_package(TIFF REQUIRED)
+find_package(mrcal REQUIRED)
 find_package(OpenCVModules REQUIRED COMPONENTS core imgproc features2d calib3d)
 list(APPEND CMAKE_PREFIX_PATH /usr/share/apriltag/cmake)  # where Debian's package puts it
 find_package(apriltag 3 REQUIRED)

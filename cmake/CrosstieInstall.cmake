@@ -10,5 +10,5 @@ configure_package_config_file(cmake/crosstieConfig.cmake.in ${CMAKE_CURRENT_BINA
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/crosstie)
 write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/crosstieConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/crosstieConfig.cmake ${CMAKE_CURRENT_BINARY_DIR}/crosstieConfigVersion.cmake
-              cmake/FindOpenCVModules.cmake
+              cmake/FindOpenCVModules.cmake cmake/Findmrcal.cmake
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/crosstie)

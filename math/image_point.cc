@@ -42,16 +42,20 @@ bool ImagePoint::evaluate(const double* const* values, double* residual, double*
   const bool want_geometry = wanted(1) || wanted(2) || wanted(3);
   Eigen::Vector2d pixel;
   RowMajor23 d_point;
-  double d_lens[2 * base::kMaxLensParameters];
   if (!base::project_bare(lens_, values[0], p_in_camera.data(), pixel.data(), want_geometry ? d_point.data() : nullptr,
-                          wanted(0) ? d_lens : nullptr)) {
+                          wanted(0) ? jacobians[0] : nullptr)) {
     return false;
   }
   Eigen::Map<Eigen::Vector2d>(residual, 2) = whitening_ * (pixel - measured_px_);
   if (wanted(0)) {
     const int count = base::parameter_count(lens_);
-    using RowMajor = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
-    Eigen::Map<RowMajor>(jacobians[0], 2, count) = whitening_ * Eigen::Map<const RowMajor>(d_lens, 2, count);
+    double* const x = jacobians[0];
+    double* const y = x + count;
+    for (int i = 0; i < count; ++i) {
+      const Eigen::Vector2d d_pixel(x[i], y[i]);
+      x[i] = whitening_.row(0).dot(d_pixel);
+      y[i] = whitening_.row(1).dot(d_pixel);
+    }
   }
   if (!want_geometry) return true;
   const RowMajor23 d_camera = whitening_ * d_point;

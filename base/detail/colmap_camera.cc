@@ -88,6 +88,8 @@ tl::expected<ColmapLensValues, std::string> colmap_of_camera(const Camera& camer
     case LensModel::kAicon:
       return tl::unexpected<std::string>(
           "COLMAP has no lens model with AICON's balanced distortion; adjust with opencv4 or opencv5");
+    case LensModel::Kind::kSplined:
+      return tl::unexpected<std::string>("COLMAP has no splined lens model; calibrate with opencv4, opencv5 or opencv8");
   }
   values.parameters.assign(p.data(), p.data() + count);
   values.parameters.resize(static_cast<std::size_t>(values.lens->parameter_count), 0.0);

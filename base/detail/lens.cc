@@ -37,7 +37,8 @@ Lens lens_of(LensModel model, const double* parameters) {
     lens.fy = parameters[1];
     lens.cx = parameters[2];
     lens.cy = parameters[3];
-    for (int i = 4; i < parameter_count(model); ++i) lens.distortion[static_cast<std::size_t>(i - 4)] = parameters[i];
+    const int count = model.is_splined() ? 4 : parameter_count(model);
+    for (int i = 4; i < count; ++i) lens.distortion[static_cast<std::size_t>(i - 4)] = parameters[i];
     return lens;
   }
   const Aicon p(parameters);

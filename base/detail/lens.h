@@ -7,7 +7,8 @@
 
 namespace crosstie::base::detail {
 
-/// Any lens model in the terms of one formula: pixel = (fx x' + cx, fy y' + cy) of the distorted (x', y').
+/// Any lens model in the terms of one formula: pixel = (fx x' + cx, fy y' + cy) of the distorted (x', y'). Of a splined model
+/// the first four only.
 struct Lens {
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
   Distortion distortion{};

@@ -1,5 +1,7 @@
 #include "base/camera_file.h"
 
+#include <cmath>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
@@ -42,6 +44,28 @@ TEST(CameraFile, ReadsAModelAsMrcalWritesIt) {
   EXPECT_EQ(camera->height_px(), 2200);
   EXPECT_EQ(camera->parameters()[1], 1761.250444);
   EXPECT_EQ(camera->parameters()[7], 0.0005275);
+}
+
+TEST(CameraFile, ValidRegionAndCovarianceAreKept) {
+  const TemporaryFolder folder;
+  Camera camera = camera_of(*LensModel::splined({3, 5, 4, 80}));
+  EXPECT_FALSE(camera.valid_region_px());
+  camera.set_valid_region(Camera::Region{{10.1, 20}, {1800, 30.3}, {1700, 1100}});
+  Eigen::MatrixXd root = Eigen::MatrixXd::Identity(44, 44);
+  for (int i = 0; i < 44 * 44; ++i) root(i % 44, i / 44) += 0.3 * std::sin(i);
+  camera.set_covariance(root * root.transpose());
+  ASSERT_TRUE(write_cameramodel(folder / "a.cameramodel", camera));
+  const auto again = read_camera(folder / "a.cameramodel");
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(again->model(), camera.model());
+  EXPECT_EQ(again->parameters(), camera.parameters());
+  EXPECT_EQ(again->valid_region_px(), camera.valid_region_px());
+  EXPECT_EQ(again->covariance(), Eigen::MatrixXd(camera.covariance().selfadjointView<Eigen::Upper>()));
+
+  camera.set_valid_region(Camera::Region{});
+  ASSERT_TRUE(write_cameramodel(folder / "b.cameramodel", camera));
+  EXPECT_EQ(read_camera(folder / "b.cameramodel")->valid_region_px(), Camera::Region{});
+  EXPECT_FALSE(write_opencv_yaml(folder / "b.yaml", camera));
 }
 
 TEST(CameraFile, CameramodelKeepsEveryBit) {
@@ -123,6 +147,15 @@ TEST(CameraFile, RefusesWithAReason) {
       {"hello\n", "c.yml:1"},
       {cameramodel("'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=150'", four, "[640, 480]"),
        "LENSMODEL_SPLINED"},
+      {cameramodel("'LENSMODEL_SPLINED_STEREOGRAPHIC_order=7_Nx=30_Ny=20_fov_x_deg=150'", four, "[640, 480]"), "is not read"},
+      {cameramodel("'LENSMODEL_PINHOLE'", four, "[640, 480], 'valid_intrinsics_region': [[1, 2], [3]]"),
+       "valid_intrinsics_region"},
+      {cameramodel("'LENSMODEL_PINHOLE'", four, "[640, 480], 'valid_intrinsics_region': 7"), "valid_intrinsics_region"},
+      {cameramodel("'LENSMODEL_PINHOLE'", four, "[640, 480], 'intrinsics_covariance': [1, 2, 3]"), "upper triangle"},
+      {cameramodel("'LENSMODEL_PINHOLE'", four, "[640, 480], 'intrinsics_covariance': [1,2,0,0,1,0,0,1,0,1]"),
+       "upper triangle"},
+      {cameramodel("'LENSMODEL_PINHOLE'", four, "[640, 480], 'intrinsics_covariance': [-1,0,0,0,1,0,0,1,0,1]"),
+       "upper triangle"},
       {cameramodel("'LENSMODEL_PINHOLE'", "[500, 500, 320]", "[640, 480]"), "has 4 parameters, 3 were given"},
       {cameramodel("'LENSMODEL_PINHOLE'", "[500, 500, 320, nan]", "[640, 480]"), "c.yml:2: \"nan\" is no finite number"},
       {cameramodel("'LENSMODEL_PINHOLE'", "[500, 500, 320, '240']", "[640, 480]"), "intrinsics"},

@@ -14,7 +14,7 @@ constexpr LensModel kModels[] = {LensModel::kPinhole, LensModel::kOpenCv4, LensM
 
 /// A lens of 4000 x 3000 px with ordinary coefficients, all of them present in the largest model.
 Camera ordinary(LensModel model) {
-  Eigen::VectorXd all(kMaxLensParameters);
+  Eigen::VectorXd all(16);
   all << 3900.0, 3905.0, 2010.3, 1480.7, -0.12, 0.09, 3e-4, -2e-4, -0.02, 0.03, -0.01, 0.004, 2e-4, -1e-4, -3e-4, 1e-4;
   auto camera = Camera::make(model, 4000, 3000, all.head(parameter_count(model)));
   EXPECT_TRUE(camera) << camera.error().message;

@@ -68,6 +68,15 @@ base::Camera some_camera() {
   return *base::Camera::make(base::LensModel::kOpenCv5, 640, 480, p);
 }
 
+base::Camera some_splined_camera() {
+  Eigen::VectorXd p = Eigen::VectorXd::Constant(22, 0.01);
+  p.head<4>() << 1000.5, 1001.25, 319.5, 239.5;
+  auto camera = *base::Camera::make(*base::LensModel::splined({2, 3, 3, 80}), 640, 480, p);
+  camera.set_valid_region(base::Camera::Region{{10, 20}, {600, 20}, {300, 450}});
+  camera.set_covariance(Eigen::MatrixXd::Identity(22, 22) * 0.25);
+  return camera;
+}
+
 base::Cloud some_cloud() {
   base::Cloud cloud;
   cloud.frame = "machine";
@@ -228,6 +237,10 @@ std::vector<Reader> readers() {
       {"cameramodel",
        {contents_of([](const fs::path& p) { return base::write_cameramodel(p, some_camera()); }), true, true, "1001.25"},
        camera});
+  all.push_back({"cameramodel with a spline",
+                 {contents_of([](const fs::path& p) { return base::write_cameramodel(p, some_splined_camera()); }), true, true,
+                  "1001.25"},
+                 camera});
   all.push_back(
       {"OpenCV YAML",
        {contents_of([](const fs::path& p) { return base::write_opencv_yaml(p, some_camera()); }), true, true, "1001.25"},
