@@ -18,23 +18,21 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-/// An image of the plane z = 0 of the board under a homography, each pixel the mean of 6 x 6 samples over two pixels' width, as a lens blurs it.
-base::Image draw(const Eigen::Matrix3d& pixel_from_board, bool deep,
+/// An image of the plane z = 0 of the board under a homography, each pixel the mean of samples over two pixels' width, as a lens blurs it.
+base::Image draw(const Eigen::Matrix3d& pixel_from_board, bool deep, int samples,
                  const std::function<bool(const Eigen::Vector2d&)>& is_white) {
   constexpr int kWidth = 640;
   constexpr int kHeight = 480;
-  constexpr int kSamples = 6;
   base::Image image(kWidth, kHeight, deep ? 16 : 8);
   const Eigen::Matrix3d board_from_pixel = pixel_from_board.inverse();
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       int white = 0;
-      for (int i = 0; i < kSamples * kSamples; ++i) {
-        const Eigen::Vector2d at(x - 1.0 + 2.0 * (i % kSamples + 0.5) / kSamples,
-                                 y - 1.0 + 2.0 * (i / kSamples + 0.5) / kSamples);
+      for (int i = 0; i < samples * samples; ++i) {
+        const Eigen::Vector2d at(x - 1.0 + 2.0 * (i % samples + 0.5) / samples, y - 1.0 + 2.0 * (i / samples + 0.5) / samples);
         white += is_white((board_from_pixel * at.homogeneous()).hnormalized()) ? 1 : 0;
       }
-      const int level = 30 + 190 * white / (kSamples * kSamples);
+      const int level = 30 + 190 * white / (samples * samples);
       if (deep) {
         image.row<std::uint16_t>(y)[x] = static_cast<std::uint16_t>(16 * level);
       } else {
@@ -68,7 +66,7 @@ TEST(Corners, OfAChessboardBothDetectorsAndDepths) {
     return (static_cast<int>(x) + static_cast<int>(y)) % 2 != 0;
   };
   for (const bool deep : {false, true}) {
-    const base::Image image = draw(tilted_view(), deep, is_white);
+    const base::Image image = draw(tilted_view(), deep, 10, is_white);
     for (const Detector detector : {Detector::kClassic, Detector::kSectors}) {
       const auto corners = find_corners(image.view(), board, detector);
       ASSERT_TRUE(corners) << corners.error().message;
@@ -88,7 +86,7 @@ TEST(Corners, OfCircleGrids) {
                         .rows = shifted ? 7 : 5,
                         .pitch_mm = shifted ? 22.0 : 30.0};
       const Eigen::Matrix3Xd points = board.nominal_points();
-      const base::Image image = draw(tilted_view(), false, [&](const Eigen::Vector2d& at) {
+      const base::Image image = draw(tilted_view(), false, 4, [&](const Eigen::Vector2d& at) {
         const bool in_a_dot = (points.topRows<2>().colwise() - at).colwise().norm().minCoeff() < 8.0;
         return in_a_dot == bright;
       });
@@ -103,7 +101,7 @@ TEST(Corners, OfCircleGrids) {
 
 TEST(Corners, NothingWhereThereIsNoBoard) {
   const base::Board board{.columns = 9, .rows = 6, .pitch_mm = 25.0};
-  const base::Image image = draw(tilted_view(), false, [](const Eigen::Vector2d& at) { return at.x() > 0.0; });
+  const base::Image image = draw(tilted_view(), false, 4, [](const Eigen::Vector2d& at) { return at.x() > 0.0; });
   const auto corners = find_corners(image.view(), board);
   ASSERT_TRUE(corners);
   EXPECT_FALSE(*corners);

@@ -1,4 +1,4 @@
-// The headline of the calibration: its covariance is true. Two hundred boards are drawn from the prior and photographed with noise; the
+// The headline of the calibration: its covariance is true. A hundred boards are drawn from the prior and photographed with noise; the
 // errors of lenses, rig and projected points must have the covariance that is stated.
 #include <cmath>
 
@@ -12,7 +12,7 @@
 namespace crosstie::calib {
 namespace {
 
-constexpr int kSeeds = 200;
+constexpr int kSeeds = 100;
 
 /// Sums of normalised squares, with their degrees of freedom.
 struct ChiSquare {
