@@ -23,7 +23,7 @@ struct ParameterCorrelation {
 
 struct CalibratedCamera {
   std::string name;
-  Camera camera;  ///< with covariance
+  Camera camera;  ///< with covariance, and the hull of its corners as its valid region
   int views = 0;
   int corners = 0;
   double rms_px = 0.0;  ///< sqrt(sum |e|^2 / corners), OpenCV's definition

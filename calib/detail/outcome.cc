@@ -101,6 +101,29 @@ Result<> add_cameras(const Problem& problem, const State& state, const Estimate&
   return {};
 }
 
+/// The convex hull of points, counter-clockwise as counted in pixels (Andrew's monotone chain).
+base::Camera::Region hull_of(std::vector<Eigen::Vector2d> points) {
+  const auto before = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return a.x() < b.x() || (a.x() == b.x() && a.y() < b.y());
+  };
+  std::sort(points.begin(), points.end(), before);
+  base::Camera::Region hull;
+  const auto add = [&](const Eigen::Vector2d& p, std::size_t first) {
+    while (hull.size() >= first + 2) {
+      const Eigen::Vector2d a = hull[hull.size() - 1] - hull[hull.size() - 2];
+      const Eigen::Vector2d b = p - hull.back();
+      if (a.x() * b.y() - a.y() * b.x() > 0.0) break;
+      hull.pop_back();
+    }
+    hull.push_back(p);
+  };
+  for (const Eigen::Vector2d& p : points) add(p, 0);
+  const std::size_t upper = hull.size() - 1;
+  for (std::size_t i = points.size() - 1; i-- > 0;) add(points[i], upper);
+  hull.pop_back();  // the first once more
+  return hull;
+}
+
 /// Right angle's complement: how far the line of sight to the board's middle is from the board's normal.
 double tilt_rad(const base::Pose& board_from_camera) {
   const Eigen::Vector3d sight = board_from_camera.translation_mm;
@@ -134,6 +157,7 @@ void add_views(const Problem& problem, const State& state, const Estimate& at, C
   const std::vector<double> w = standardised(problem, state, at);
   double total = 0.0;
   int count = 0;
+  std::vector<std::vector<Eigen::Vector2d>> seen_px(result.cameras.size());
   for (std::size_t g = 0; g < at.network.corner_of_measurement.size(); ++g) {
     const int c = at.network.corner_of_measurement[g];
     if (c < 0) continue;
@@ -154,9 +178,13 @@ void add_views(const Problem& problem, const State& state, const Estimate& at, C
     camera.rms_px += square;
     ++camera.corners;
     camera.area.add(corner.px);
+    seen_px[static_cast<std::size_t>(problem.view_of(corner).camera)].push_back(corner.px);
     total += square;
     ++count;
     result.residuals.push_back(residual);
+  }
+  for (std::size_t c = 0; c < seen_px.size(); ++c) {
+    if (!seen_px[c].empty()) result.cameras[c].camera.set_valid_region(hull_of(std::move(seen_px[c])));
   }
   for (auto& view : result.views) view.rms_px = std::sqrt(view.rms_px / std::max(1, view.corners));
   for (auto& camera : result.cameras) camera.rms_px = std::sqrt(camera.rms_px / std::max(1, camera.corners));

@@ -213,6 +213,15 @@ TEST(DamagedViews, AnUncoveredImageIsNamedAndNotCalibrated) {
   EXPECT_TRUE(warned(*result, "poor_coverage", "left"));
   EXPECT_FALSE(result->cameras[0].area.contains({3.0, 3.0}));
   EXPECT_TRUE(result->cameras[0].area.contains({960.0, 600.0}));
+  const auto& camera = result->cameras[0].camera;
+  ASSERT_TRUE(camera.valid_region_px());
+  EXPECT_FALSE(camera.calibrated_at({3.0, 3.0}));
+  EXPECT_TRUE(camera.calibrated_at({960.0, 600.0}));
+  for (const auto& residual : result->residuals) {  // what was seen lies inside, but for its outermost corners
+    if (result->views[static_cast<std::size_t>(residual.view)].camera != "left") continue;
+    const Eigen::Vector2d inwards = 0.01 * (Eigen::Vector2d(960.0, 600.0) - residual.measured_px).normalized();
+    EXPECT_TRUE(camera.calibrated_at(residual.measured_px + inwards));
+  }
 }
 
 TEST(DamagedViews, ABoardThatIsWorseThanItsPriorIsNamed) {
