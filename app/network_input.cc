@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "app/current.h"
+#include "app/detected_images.h"
 #include "app/steps.h"
 #include "base/camera_file.h"
 #include "base/file.h"
@@ -31,29 +32,6 @@ constexpr const char* kObservationsInput = "results/detect/observations.csv";
 
 tl::unexpected<base::Error> bad_job(const Job& job, const std::string& message) {
   return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", job.file.string(), message));
-}
-
-/// The images as the detection describes them, each with the camera that the job gives it.
-Result<std::vector<base::ImageObservations>> observed_images(const fs::path& detection) {
-  auto images = base::read_observations(detection / "observations.csv");
-  if (!images) return images;
-  auto result = base::read_json(detection / "result.json");
-  if (!result) return base::fail(std::move(result));
-  std::map<std::string, base::ImageObservations> by_name;
-  for (base::ImageObservations& image : *images) by_name.emplace(image.image, std::move(image));
-  std::vector<base::ImageObservations> described;
-  try {
-    for (const ordered_json& json : result->at("images")) {
-      base::ImageObservations image = std::move(by_name[json.at("name").get<std::string>()]);
-      image.image = json.at("name");
-      image.width_px = json.at("width");
-      image.height_px = json.at("height");
-      described.push_back(std::move(image));
-    }
-  } catch (const ordered_json::exception& error) {
-    return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", (detection / "result.json").string(), error.what()));
-  }
-  return described;
 }
 
 /// Focal length in px with which a camera starts.
@@ -288,7 +266,7 @@ Result<base::Network> network_of(const Job& job, const fs::path& detection) {
   auto task = detection_task(job);
   if (!task) return base::fail(std::move(task));
   const Photographs photographs(*task);
-  auto images = observed_images(detection);
+  auto images = detected_images(detection);
   if (!images) return base::fail(std::move(images));
   base::Network network;
   for (base::ImageObservations& image : *images) {

@@ -1,0 +1,165 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "report/detail/commissioning_sections.h"
+#include "report/detail/html.h"
+#include "report/detail/number.h"
+#include "report/detail/travel_plot.h"
+
+namespace crosstie::report::detail {
+namespace {
+
+using base::ErrorMotion;
+using base::LinearAxis;
+
+/// How a motion is shown: um and urad are what machines' axes are judged in.
+struct Shown {
+  const char* letters;
+  const char* name;
+  double per_unit;  ///< from mm or rad
+  const char* unit;
+  bool angle;
+  Eigen::Index component;
+};
+constexpr std::array<Shown, 6> kShown = {{{"EXX", "positioning, beyond the scale", 1e3, "\u00b5m", false, 0},
+                                          {"EYX", "straightness along Y", 1e3, "\u00b5m", false, 1},
+                                          {"EZX", "straightness along Z", 1e3, "\u00b5m", false, 2},
+                                          {"EAX", "roll, about X", 1e6, "\u00b5rad", true, 0},
+                                          {"EBX", "pitch, about Y", 1e6, "\u00b5rad", true, 1},
+                                          {"ECX", "yaw, about Z", 1e6, "\u00b5rad", true, 2}}};
+
+std::string direction_table(const LinearAxis& axis) {
+  HtmlTable table(
+      "Direction of travel in the machine's axes, of unit length. The machine's X axis itself is (1, 0, 0): y and z say how "
+      "far the "
+      "head's travel leans from it.",
+      {{"", "", "", false}, {"x", ""}, {"y", "mm/m"}, {"z", "mm/m"}});
+  const Eigen::Vector3d& d = axis.direction_in_machine;
+  const Eigen::Vector3d sigma = 1e3 * axis.direction_cov.diagonal().cwiseMax(0.0).cwiseSqrt();
+  const int decimals = decimals_for_column(std::array{sigma.y(), sigma.z()}, 4);
+  table.add_row({text_cell("Direction"), number_cell(fixed(d.x(), 9), d.x()), number_cell(fixed(1e3 * d.y(), decimals), d.y()),
+                 number_cell(fixed(1e3 * d.z(), decimals), d.z())});
+  table.add_row({text_cell("Sigma"), text_cell("\u2013"), number_cell(fixed(sigma.y(), decimals), sigma.y()),
+                 number_cell(fixed(sigma.z(), decimals), sigma.z())});
+  table.add_row({text_cell("U (k = 2)"), text_cell("\u2013"), number_cell(fixed(2.0 * sigma.y(), decimals), sigma.y()),
+                 number_cell(fixed(2.0 * sigma.z(), decimals), sigma.z())});
+  return table.html();
+}
+
+std::string terms_table(const LinearAxis& axis) {
+  HtmlTable table(
+      fmt::format(
+          "Error motions of the axis after ISO 230-1, each a Legendre polynomial over the travel, largest value equal to its "
+          "coefficient. p: how often a coefficient at least this large is found where there is none. Those with p below {} are "
+          "part of the axis; the others are held at zero, and the table shows what the test saw.",
+          plain(axis.level)),
+      {{"Motion", "", "", false},
+       {"What it is", "", "", false},
+       {"Order", ""},
+       {"Coefficient", ""},
+       {"Sigma", ""},
+       {"U", "", "k = 2"},
+       {"Unit", "", "", false},
+       {"p", ""},
+       {"Part of the axis", "", "", false}});
+  for (const ErrorMotion& term : axis.terms) {
+    const auto shown = std::find_if(kShown.begin(), kShown.end(), [&](const Shown& one) { return term.name == one.letters; });
+    if (shown == kShown.end()) continue;
+    const double value = term.coefficient * shown->per_unit;
+    const double sigma = term.sigma * shown->per_unit;
+    const int decimals = decimals_for_sigma(sigma, 1);
+    table.add_row({text_cell(term.name), text_cell(shown->name), number_cell(std::to_string(term.order), term.order),
+                   number_cell(fixed(value, decimals), value), number_cell(fixed(sigma, decimals), sigma),
+                   number_cell(fixed(2.0 * sigma, decimals), sigma), text_cell(shown->unit),
+                   number_cell(significant(term.p, 2), term.p),
+                   text_cell(term.significant ? "yes" : "no", term.significant ? "warning" : "muted")});
+  }
+  return table.html();
+}
+
+/// What a coefficient of 1 of this term makes at a reading.
+double basis(const LinearAxis& axis, const ErrorMotion& term, double axis_mm) {
+  LinearAxis one = axis;
+  one.terms = {term};
+  one.terms[0].coefficient = 1.0;
+  one.terms[0].significant = true;
+  return one.value(term.name, axis_mm);
+}
+
+/// A motion over the travel: the terms that are part of the axis with their joint covariance; where there are none, what was found.
+TravelCurve curve_of(const CommissioningView& view, const Shown& shown, bool significant_only) {
+  const base::MachineFrame& frame = view.result.frame;
+  TravelCurve curve{{}, {}, {}, shown.unit};
+  for (const base::HeadPose& pose : view.along) {
+    double value = 0.0;
+    double found_variance = 0.0;
+    Eigen::VectorXd row = Eigen::VectorXd::Zero(frame.cov.rows());
+    Eigen::Index column = 9;
+    for (const ErrorMotion& term : frame.axis.terms) {
+      if (term.name == shown.letters && (term.significant || !significant_only)) {
+        const double at = basis(frame.axis, term, pose.axis_mm);
+        value += term.coefficient * at;
+        found_variance += at * at * term.sigma * term.sigma;
+        if (term.significant && column < row.size()) row(column) = at;
+      }
+      if (term.significant) ++column;
+    }
+    const double variance = significant_only ? row.dot(frame.cov * row) : found_variance;
+    curve.at_mm.push_back(pose.axis_mm);
+    curve.value.push_back(value * shown.per_unit);
+    curve.sigma.push_back(std::sqrt(std::max(0.0, variance)) * shown.per_unit);
+  }
+  return curve;
+}
+
+/// The stations' deviations from the axis, laid onto the curve.
+std::vector<TravelMark> marks_of(const CommissioningView& view, const Shown& shown) {
+  std::vector<TravelMark> marks;
+  for (const base::CommissionedStation& station : view.result.stations) {
+    const Eigen::Vector3d turn = station.off_axis.head<3>();
+    const Eigen::Vector3d shift = station.off_axis.tail<3>() + turn.cross(station.machine_from_rig.translation_mm);
+    const double off = shown.angle ? turn(shown.component) : shift(shown.component);
+    const double value = (view.result.frame.axis.value(shown.letters, station.axis_mm) + off) * shown.per_unit;
+    marks.push_back({station.axis_mm, value,
+                     fmt::format("{}: {} {} off the axis", station.name, significant(off * shown.per_unit, 2), shown.unit)});
+  }
+  return marks;
+}
+
+std::string motion_figure(const CommissioningView& view, const Shown& shown) {
+  const auto& terms = view.result.frame.axis.terms;
+  const bool part = std::any_of(terms.begin(), terms.end(),
+                                [&](const ErrorMotion& term) { return term.significant && term.name == shown.letters; });
+  const bool tested =
+      std::any_of(terms.begin(), terms.end(), [&](const ErrorMotion& term) { return term.name == shown.letters; });
+  const std::string plot = travel_plot(curve_of(view, shown, part), fmt::format("{}: {}", shown.letters, shown.name),
+                                       fmt::format("{} [{}]", shown.letters, shown.unit), marks_of(view, shown), !part);
+  return figure(plot, part     ? "Part of the axis. Band: U (k = 2). Dots: the stations."
+                      : tested ? "Not significant, held at zero; dashed with its band: what the test saw. Dots: the stations."
+                               : "Not tested: the stations do not carry it.");
+}
+
+}  // namespace
+
+std::string commissioning_axis_section(const CommissioningView& view) {
+  const LinearAxis& axis = view.result.frame.axis;
+  std::vector<std::pair<std::string, std::string>> facts = {
+      {"Travel between the outermost stations", fmt::format("{} to {} mm", plain(axis.from_mm, 7), plain(axis.to_mm, 7))},
+      {"Scale: travelled against read", with_sigma(axis.scale_ppm, axis.scale_sigma_ppm, "ppm")},
+      {"Expanded (k = 2)", expanded(axis.scale_sigma_ppm, "ppm")},
+      {"Probability of such a scale by chance",
+       fmt::format("{}, {}", significant(axis.scale_p, 2), axis.scale_significant ? "significant" : "not significant")},
+      {"Sigma of a reading, stated", fmt::format("{} mm", plain(axis.reading_sigma_mm))},
+      {"Scatter of the stops beside it",
+       axis.stop_sigma_mm > 0.0 || axis.stop_sigma_rad > 0.0
+           ? fmt::format("{} mm, {} mrad", significant(axis.stop_sigma_mm, 2), significant(1e3 * axis.stop_sigma_rad, 2))
+           : std::string("none shows")}};
+  std::vector<std::string> plots;
+  for (const Shown& shown : kShown) plots.push_back(motion_figure(view, shown));
+  return definition_list(facts) + direction_table(axis) + terms_table(axis) + figures(plots);
+}
+
+}  // namespace crosstie::report::detail
