@@ -60,5 +60,6 @@ Verb run_verb();
 Verb simulate_verb();
 Verb targets_verb();
 Verb convert_verb();
+Verb fit_verb();
 
 }  // namespace crosstie::app

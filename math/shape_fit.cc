@@ -238,8 +238,10 @@ Result<Fit> fit(ShapeKind kind, std::span<const Eigen::Vector3d> points_mm, cons
   const double sigma0 = quality.redundancy > 0 ? std::sqrt(solution.square_sum / static_cast<double>(quality.redundancy)) : 0.0;
   quality.sigma0 = sigma_is_known ? sigma0 : sigma0 * frame->unit_mm;
   ShapeCovariance covariance = *cofactors;
-  if (!sigma_is_known) {
-    covariance *= quality.redundancy > 0 ? sigma0 * sigma0 : std::numeric_limits<double>::quiet_NaN();
+  if (!sigma_is_known) covariance *= sigma0 * sigma0;
+  if (!sigma_is_known && quality.redundancy <= 0) {
+    const std::vector<int> unknowns = problem.unknowns();
+    covariance(unknowns, unknowns).setConstant(std::numeric_limits<double>::quiet_NaN());
   }
   if (auto good = check_determined(kind, solution.state, covariance); !good) return base::fail(std::move(good));
   if (sigma_is_known && quality.redundancy > 0 &&

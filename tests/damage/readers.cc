@@ -10,6 +10,7 @@
 #include "base/commissioning_reader.h"
 #include "base/image.h"
 #include "base/json_file.h"
+#include "base/measured_points.h"
 #include "base/network_reader.h"
 #include "base/npy.h"
 #include "base/ply.h"
@@ -186,6 +187,14 @@ void add_tables(std::vector<Reader>& all) {
                  })});
 }
 
+/// Points without ids, in the forms that fits read.
+void add_measured_points(std::vector<Reader>& all) {
+  const auto measured = answer([](const fs::path& p) { return base::read_measured_points(p, {"mm", {}}); });
+  all.push_back({"plain coordinates", {"1.25 2 3\n4 5 6\n7 8 9\n10 11 12\n", true, false, "1.25"}, measured});
+  all.push_back({"counted coordinates", {"3\n1.25\t2\t3\n4\t5\t6\n7\t8\t9\n", true, false, "1.25"}, measured});
+  all.push_back({"table of coordinates", {"x_mm;y_mm;z_mm;grey\n1.25;2;3;17\n4;5;6;18\n", true, false, "1.25"}, measured});
+}
+
 void add_aicon(std::vector<Reader>& all) {
   all.push_back({"AICON image points",
                  {"1 17 1.25 2.5 0.0001 0.0001 0 0 3 1 0\n1 18 2.25 2.5 0.0001 0.0001 0 0 3 1 0\n", true, false, "1.25", "17",
@@ -232,6 +241,7 @@ std::vector<Reader> readers() {
                  {"{\"a\": [1, 2.5, null],\n \"b\": {\"c\": \"text\"}}\n", true, true, "2.5"},
                  answer([](const fs::path& p) { return base::read_json(p); })});
   add_tables(all);
+  add_measured_points(all);
   add_aicon(all);
   all.push_back(
       {"cameramodel",
