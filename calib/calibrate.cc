@@ -25,11 +25,6 @@ using base::Result;
 using detail::Problem;
 using detail::State;
 
-void change_lens(State& state, base::LensModel lens) {
-  for (auto& values : state.lenses) values = detail::as_model(values, state.lens_model, lens);
-  state.lens_model = lens;
-}
-
 /// Of the lens that was chosen: what its folds and halves say.
 Result<> validate_halves(const Problem& problem, const CalibrateOptions& options, const State& state,
                          const std::vector<detail::HeldOut>& folds, Calibration& result, const Progress& progress) {
@@ -75,7 +70,6 @@ Result<> CalibrateOptions::validate() const {
   }
   if (threads < 0) return refuse("threads must not be negative");
   if (lens && *lens == base::LensModel::kAicon) return refuse("the lens model AICON is not calibrated from boards");
-  if (lens && lens->is_splined()) return refuse("a splined lens model is calibrated by mrcal only (second_opinion)");
   return {};
 }
 
@@ -85,10 +79,14 @@ Result<Calibration> calibrate(const BoardViews& views, const CalibrateOptions& o
   if (!problem) return fail(std::move(problem));
   auto state = detail::start(*problem, progress);
   if (!state) return fail(std::move(state));
-  change_lens(*state, options.lens.value_or(base::LensModel::kOpenCv5));
+  detail::change_lens(*state, options.lens && !options.lens->is_splined() ? *options.lens : base::LensModel::kOpenCv5);
   auto at = detail::estimate_without_outliers(*problem, options, *state, progress);
   constexpr int kMaxTurns = 4;
   for (int round = 0; at && round < kMaxTurns && detail::turn_stations(*problem, *state) > 0; ++round) {
+    at = detail::estimate_without_outliers(*problem, options, *state, progress);
+  }
+  if (at && options.lens && options.lens->is_splined()) {
+    detail::change_lens(*state, *options.lens);
     at = detail::estimate_without_outliers(*problem, options, *state, progress);
   }
   if (!at) return fail(std::move(at));
@@ -96,7 +94,7 @@ Result<Calibration> calibrate(const BoardViews& views, const CalibrateOptions& o
   std::vector<detail::LensScore> scores;
   std::vector<detail::HeldOut> folds;
   if (options.cross_validate) {
-    const auto models = options.lens ? std::vector{*options.lens} : detail::lens_ladder();
+    const auto models = options.lens ? std::vector{*options.lens} : detail::lens_ladder(*problem, *state);
     auto scored = detail::score_lenses(*problem, options, *state, models, progress);
     if (!scored) return fail(std::move(scored));
     scores = std::move(*scored);

@@ -19,7 +19,8 @@ struct BoardViews {
 };
 
 struct CalibrateOptions {
-  /// The lens model. Default: chosen from the ladder OpenCV 4, 5, 8 as the simplest whose views held out are not predicted
+  /// The lens model. Default: chosen from the ladder OpenCV 4, 5, 8, splined (tried
+  /// for up to 8000 corners) as the simplest whose views held out are not predicted
   /// worse than by the best (one standard error: Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, 7.10).
   std::optional<base::LensModel> lens = {};
 

@@ -46,6 +46,36 @@ std::vector<int> join_cells(const Parameters& parameters, const WhitenedRows& ro
   return parent;
 }
 
+/// The columns of a wide block that one group of rows depends on: of a splined lens some thirty out of hundreds.
+struct SparsePart {
+  bool sparse = false;
+  std::vector<int> columns;
+  MatrixXd compact;
+
+  void take(const Eigen::Map<const WhitenedRows::Matrix>& jacobian) {
+    constexpr Eigen::Index kWide = 32;
+    sparse = jacobian.cols() > kWide;
+    if (!sparse) return;
+    columns.clear();
+    for (Eigen::Index i = 0; i < jacobian.cols(); ++i) {
+      if ((jacobian.col(i).array() != 0.0).any()) columns.push_back(static_cast<int>(i));
+    }
+    compact = jacobian(Eigen::all, columns);
+  }
+  [[nodiscard]] int place(Eigen::Index i) const { return sparse ? columns[static_cast<std::size_t>(i)] : static_cast<int>(i); }
+};
+
+/// place += left' right, over the columns that are not zero.
+void add_sparse_product(const SparsePart& left, const Eigen::Map<const WhitenedRows::Matrix>& whole_left,
+                        const SparsePart& right, const Eigen::Map<const WhitenedRows::Matrix>& whole_right,
+                        Eigen::Block<MatrixXd> place) {
+  const MatrixXd product =
+      (left.sparse ? left.compact : MatrixXd(whole_left)).transpose() * (right.sparse ? right.compact : MatrixXd(whole_right));
+  for (Eigen::Index j = 0; j < product.cols(); ++j) {
+    for (Eigen::Index i = 0; i < product.rows(); ++i) place(left.place(i), right.place(j)) += product(i, j);
+  }
+}
+
 Result<> check_null_space(const Parameters& parameters, const WhitenedRows& rows, const MatrixXd& null_space) {
   if (null_space.cols() == 0) return {};
   VectorXd defect = VectorXd::Zero(null_space.cols());
@@ -160,6 +190,7 @@ Result<> NormalEquations::accumulate(const WhitenedRows& rows, MatrixXd& reduced
   std::vector<int> order(static_cast<std::size_t>(rows.group_count()));
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return cell_of_group(a) < cell_of_group(b); });
+  std::vector<SparsePart> parts;
   for (const int g : order) {
     const int c = cell_of_group(g);
     if (c >= 0 && c != prepared) {
@@ -171,6 +202,8 @@ Result<> NormalEquations::accumulate(const WhitenedRows& rows, MatrixXd& reduced
       prepared = c;
     }
     const auto terms = rows.terms(g);
+    parts.resize(terms.size());
+    for (std::size_t s = 0; s < terms.size(); ++s) parts[s].take(rows.jacobian(g, s));
     for (std::size_t s = 0; s < terms.size(); ++s) {
       const ParameterBlock& from = parameters_.block(terms[s].block);
       const auto jacobian = rows.jacobian(g, s);
@@ -181,13 +214,20 @@ Result<> NormalEquations::accumulate(const WhitenedRows& rows, MatrixXd& reduced
         const bool to_kept = to.role == BlockRole::kKept;
         if (from_kept && !to_kept) continue;
         if (from_kept) {
-          reduced.block(from.role_offset, to.role_offset, from.size(), to.size()).noalias() +=
-              jacobian.transpose() * rows.jacobian(g, t);
+          auto place = reduced.block(from.role_offset, to.role_offset, from.size(), to.size());
+          if (parts[s].sparse || parts[t].sparse) {
+            add_sparse_product(parts[s], rows.jacobian(g, s), parts[t], rows.jacobian(g, t), place);
+          } else {
+            place.noalias() += jacobian.transpose() * rows.jacobian(g, t);
+          }
         } else if (to_kept) {
-          coupling[static_cast<std::size_t>(c)]
-              .block(cell_of(terms[s].block).second, local_column[static_cast<std::size_t>(terms[t].block)], from.size(),
-                     to.size())
-              .noalias() += jacobian.transpose() * rows.jacobian(g, t);
+          auto place = coupling[static_cast<std::size_t>(c)].block(
+              cell_of(terms[s].block).second, local_column[static_cast<std::size_t>(terms[t].block)], from.size(), to.size());
+          if (parts[t].sparse) {
+            add_sparse_product(parts[s], rows.jacobian(g, s), parts[t], rows.jacobian(g, t), place);
+          } else {
+            place.noalias() += jacobian.transpose() * rows.jacobian(g, t);
+          }
         } else {
           normal[static_cast<std::size_t>(c)]
               .block(cell_of(terms[s].block).second, cell_of(terms[t].block).second, from.size(), to.size())

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "calib/detail/spline_lens.h"
 #include "math/image_point.h"
 #include "math/prior.h"
 
@@ -79,6 +80,16 @@ void add_denominator(base::LensModel lens, int camera, BoardModel& network) {
   network.corner_of_measurement.push_back(-1);
 }
 
+/// What is known of a splined lens beforehand: that its control points do not leave those of an OpenCV lens far behind.
+void add_control_points(const Eigen::VectorXd& mean, int camera, BoardModel& network) {
+  const Eigen::Index count = mean.size();
+  Eigen::MatrixXd whitening = Eigen::MatrixXd::Zero(count - 4, count);
+  whitening.rightCols(count - 4).diagonal().setConstant(mean(0) / kSplineSigma_px);
+  network.model.measurements.push_back(std::make_unique<math::Prior>(
+      std::vector<int>{camera}, std::vector<int>{static_cast<int>(count)}, mean, std::move(whitening)));
+  network.corner_of_measurement.push_back(-1);
+}
+
 void add_board(const Problem& problem, const State& state, bool hold, BoardModel& network) {
   const bool modes = !hold && !problem.modes.empty();
   if (modes) {
@@ -129,7 +140,9 @@ BoardModel build_model(const Problem& problem, const State& state, const ModelPl
   for (std::size_t c = 0; c < problem.cameras.size(); ++c) {
     network.camera_block.push_back(
         network.model.add(camera_block(problem.cameras[c], state.lens_model, state.lenses[c], plan.hold_lenses)));
-    if (!plan.hold_lenses) add_denominator(state.lens_model, network.camera_block.back(), network);
+    if (plan.hold_lenses) continue;
+    add_denominator(state.lens_model, network.camera_block.back(), network);
+    if (state.lens_model.is_splined()) add_control_points(state.lens_means[c], network.camera_block.back(), network);
   }
   bool joint = false;
   for (std::size_t s = 0; s < problem.stations.size(); ++s)

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/parallel.h"
+#include "calib/detail/spline_lens.h"
 #include "calib/detail/start.h"
 
 namespace crosstie::calib::detail {
@@ -35,8 +36,13 @@ std::vector<double> station_means(const Problem& problem, const LensScore& score
 
 }  // namespace
 
-std::vector<base::LensModel> lens_ladder() {
-  return {base::LensModel::kOpenCv4, base::LensModel::kOpenCv5, base::LensModel::kOpenCv8};
+std::vector<base::LensModel> lens_ladder(const Problem& problem, const State& state) {
+  // With a spline the normal equations of both cameras grow tenfold: beyond some thousand corners it is tried on request only.
+  constexpr std::size_t kMostCorners = 8'000;
+  std::vector<base::LensModel> models = {base::LensModel::kOpenCv4, base::LensModel::kOpenCv5, base::LensModel::kOpenCv8};
+  if (problem.corners.size() > kMostCorners) return models;
+  if (const auto spline = spline_for(problem, state)) models.push_back(*spline);
+  return models;
 }
 
 Result<std::vector<LensScore>> score_lenses(const Problem& problem, const CalibrateOptions& options, const State& from,
@@ -49,8 +55,7 @@ Result<std::vector<LensScore>> score_lenses(const Problem& problem, const Calibr
     LensScore& score = scores[m];
     score.trial.lens = models[m];
     score.state = from;
-    score.state.lens_model = models[m];
-    for (auto& lens : score.state.lenses) lens = as_model(lens, from.lens_model, models[m]);
+    change_lens(score.state, models[m]);
     const auto at = options.sigma_px ? estimate(problem, score.state, {}, 1e-6, progress)
                                      : estimate_with_sigma(problem, score.state, {}, progress);
     if (!at) {

@@ -10,8 +10,8 @@
 
 namespace crosstie::calib::detail {
 
-/// The ladder of lens models, simplest first.
-std::vector<base::LensModel> lens_ladder();
+/// The ladder of lens models, simplest first: OpenCV's, then, for up to 8000 corners, a splined one that covers the images.
+std::vector<base::LensModel> lens_ladder(const Problem& problem, const State& state);
 
 /// What the folds say of one model.
 struct LensScore {

@@ -65,6 +65,7 @@ void judge_parameters(base::CalibratedCamera& camera, double redundancy) {
   const Eigen::VectorXd& values = camera.camera.parameters();
   const auto names = base::parameter_names(camera.camera.model());
   camera.significance_p = Eigen::VectorXd::Constant(values.size(), std::numeric_limits<double>::quiet_NaN());
+  if (camera.camera.model().is_splined()) return;  // no control point means anything alone
   for (Eigen::Index i = 4; i < base::adjustable_count(camera.camera.model()); ++i) {
     if (cov(i, i) > 0.0) camera.significance_p(i) = math::student_two_sided(values(i) / std::sqrt(cov(i, i)), redundancy);
   }

@@ -11,6 +11,7 @@
 #include "calib/detail/camera_fit.h"
 #include "calib/detail/homography.h"
 #include "calib/detail/rig_start.h"
+#include "calib/detail/spline_lens.h"
 
 namespace crosstie::calib::detail {
 namespace {
@@ -256,16 +257,25 @@ double robust_sigma_px(const Problem& problem, const State& state) {
   return *middle / kMedianOfLength;
 }
 
-Eigen::VectorXd as_model(const Eigen::VectorXd& lens, base::LensModel from, base::LensModel to) {
-  Eigen::VectorXd result = Eigen::VectorXd::Zero(base::parameter_count(to));
-  const auto known = base::parameter_names(from);
-  const auto wanted = base::parameter_names(to);
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    for (std::size_t j = 0; j < known.size(); ++j) {
-      if (wanted[i] == known[j]) result(static_cast<Eigen::Index>(i)) = lens(static_cast<Eigen::Index>(j));
+void change_lens(State& state, base::LensModel to) {
+  const base::LensModel from = state.lens_model;
+  if (from == to) return;
+  for (Eigen::VectorXd& lens : state.lenses) {
+    if (to.is_splined()) {
+      lens = as_spline(lens, from, to);
+      continue;
     }
+    const auto known = base::parameter_names(from);
+    const auto wanted = base::parameter_names(to);
+    Eigen::VectorXd changed = Eigen::VectorXd::Zero(base::parameter_count(to));
+    for (std::size_t i = 0; i < wanted.size(); ++i) {
+      const auto at = std::find(known.begin(), known.end(), wanted[i]);
+      if (at != known.end()) changed(static_cast<Eigen::Index>(i)) = lens(at - known.begin());
+    }
+    lens = std::move(changed);
   }
-  return result;
+  state.lens_model = to;
+  state.lens_means = to.is_splined() ? state.lenses : std::vector<Eigen::VectorXd>();
 }
 
 Result<State> start(Problem& problem, const Progress& progress) {

@@ -14,8 +14,8 @@ namespace crosstie::calib::detail {
 /// reason. Errors: see calibrate().
 base::Result<State> start(Problem& problem, const base::Progress& progress);
 
-/// The same lens in a model with other parameters: those that both have are kept, others are 0.
-Eigen::VectorXd as_model(const Eigen::VectorXd& lens, base::LensModel from, base::LensModel to);
+/// Changes the lens model: of OpenCV's, parameters that both have are kept, others are 0; a splined model comes as near as it can.
+void change_lens(State& state, base::LensModel to);
 
 /// The median over active corners of the residual's length, as the sigma of one coordinate if it were normal [px].
 double robust_sigma_px(const Problem& problem, const State& state);

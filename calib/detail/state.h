@@ -18,12 +18,14 @@ struct State {
   base::LensModel lens_model = base::LensModel::kOpenCv5;
   std::vector<Eigen::VectorXd> lenses;                       ///< of each camera
   std::vector<std::optional<base::Pose>> board_from_camera;  ///< of each view that takes part
-  std::optional<base::Pose> left_from_right;                 ///< the mount of the right camera
-  Eigen::Matrix3Xd points;                                   ///< [mm] of the board
-  Eigen::VectorXd modes;                                     ///< amplitudes of Problem::modes
-  std::vector<char> active;                                  ///< of each corner
-  std::vector<std::string> view_reasons;                     ///< why a view has left; empty where it has not
-  double sigma_px = 1.0;                                     ///< common sigma of the corners
+  /// Of a splined model the mean of its control points' prior, as lenses; empty otherwise.
+  std::vector<Eigen::VectorXd> lens_means;
+  std::optional<base::Pose> left_from_right;  ///< the mount of the right camera
+  Eigen::Matrix3Xd points;                    ///< [mm] of the board
+  Eigen::VectorXd modes;                      ///< amplitudes of Problem::modes
+  std::vector<char> active;                   ///< of each corner
+  std::vector<std::string> view_reasons;      ///< why a view has left; empty where it has not
+  double sigma_px = 1.0;                      ///< common sigma of the corners
   int iterations = 0;
 
   [[nodiscard]] bool takes_part(int view) const { return board_from_camera[static_cast<std::size_t>(view)].has_value(); }

@@ -20,6 +20,7 @@ struct TrueCamera {
   int height = 1200;
   /// fx fy cx cy k1 k2 p1 p2 k3
   std::vector<double> lens = {1500.0, 1502.0, 950.0, 610.0, -0.21, 0.09, 4e-4, -3e-4, -0.01};
+  double ripple_px = 0.0;                                  ///< of a wave over the image that no polynomial follows
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< camera_from_rig
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< mm
 
@@ -30,7 +31,8 @@ struct TrueCamera {
     const double radial = 1.0 + lens[4] * r2 + lens[5] * r2 * r2 + (lens.size() > 8 ? lens[8] : 0.0) * r2 * r2 * r2;
     const double u = x * radial + 2.0 * lens[6] * x * y + lens[7] * (r2 + 2.0 * x * x);
     const double v = y * radial + lens[6] * (r2 + 2.0 * y * y) + 2.0 * lens[7] * x * y;
-    return {lens[0] * u + lens[2], lens[1] * v + lens[3]};
+    const double wave = ripple_px * std::sin(14.0 * x) * std::cos(11.0 * y);
+    return {lens[0] * u + lens[2] + wave, lens[1] * v + lens[3] - wave};
   }
   [[nodiscard]] bool shows(const Eigen::Vector2d& pixel) const {
     return pixel.x() > 5.0 && pixel.y() > 5.0 && pixel.x() < width - 6.0 && pixel.y() < height - 6.0;
@@ -52,6 +54,7 @@ struct SceneOptions {
   double distance_mm = 1300.0;
   double tilt_rad = 0.6;  ///< at most, about either axis
   bool roll = true;
+  double ripple_px = 0.0;
 };
 
 inline base::Board scene_board() {
@@ -71,6 +74,7 @@ inline TrueScene make_scene(const base::Board& board, const SceneOptions& option
   right.lens = {1497.0, 1496.0, 968.0, 590.0, -0.22, 0.10, -5e-4, 2e-4, -0.02};
   right.rotation = Eigen::AngleAxisd(0.30, Eigen::Vector3d(0.02, 0.9995, 0.03).normalized()).toRotationMatrix();
   right.translation = right.rotation * Eigen::Vector3d(-400.0, 4.0, 6.0);
+  left.ripple_px = right.ripple_px = options.ripple_px;
   scene.cameras.push_back(left);
   if (options.two_cameras) scene.cameras.push_back(right);
 
