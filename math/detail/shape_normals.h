@@ -1,8 +1,5 @@
 #pragma once
 
-#include <functional>
-#include <optional>
-
 #include "math/detail/shape_state.h"
 
 namespace crosstie::math::detail {

@@ -256,6 +256,27 @@ TEST(ShapeFit, SigmaFollowsFromResidualsWhereNoneIsGiven) {
   }
 }
 
+TEST(ShapeFit, ResidualsAreDistancesFromTheShape) {
+  const auto expect = [](const auto& fit, const Points& points, auto distance) {
+    ASSERT_TRUE(fit) << fit.error().message;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      EXPECT_NEAR(fit->quality.residuals_mm[i], distance(fit->shape, points[i]), 1e-11);
+    }
+  };
+  const auto points = [](Kind kind) { return Sampler(37).shape(kind, Truth(), 50, kPi, 0.5); };
+  const auto length = [](const auto& shape, const Vector3d& p) { return distance_mm(shape, p); };
+  const auto signed_length = [](const auto& shape, const Vector3d& p) { return signed_distance_mm(shape, p); };
+  expect(fit_line(points(Kind::kLine)), points(Kind::kLine), length);
+  expect(fit_circle(points(Kind::kCircle)), points(Kind::kCircle), length);
+  expect(fit_plane(points(Kind::kPlane)), points(Kind::kPlane), signed_length);
+  expect(fit_sphere(points(Kind::kSphere)), points(Kind::kSphere), signed_length);
+  expect(fit_cylinder(points(Kind::kCylinder)), points(Kind::kCylinder), signed_length);
+  expect(fit_cone(points(Kind::kCone)), points(Kind::kCone), signed_length);
+  const auto cone = fit_cone(points(Kind::kCone));
+  ASSERT_TRUE(cone);
+  EXPECT_NEAR(signed_distance_mm(cone->shape, cone->shape.apex_mm()), 0.0, 1e-11);
+}
+
 TEST(ShapeFit, KnownRadius) {
   // A short arc says little about its radius: stated, it makes the axis much better known.
   const Truth truth;
