@@ -164,6 +164,7 @@ Json commissioning_json(const Commissioning& result) {
   for (const auto& marker : result.markers) {
     json["markers"].push_back({{"id", marker.id},
                                {"rays", marker.rays},
+                               {"xyz_mm", list_json(marker.xyz_mm)},
                                {"residual_mm", list_json(marker.residual_mm)},
                                {"sigma_mm", list_json(marker.sigma_mm)}});
   }

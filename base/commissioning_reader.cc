@@ -133,6 +133,7 @@ Commissioning commissioning_of(const Json& json) {
     CommissionedMarker& marker = result.markers.emplace_back();
     marker.id = one.at("id");
     marker.rays = one.at("rays");
+    marker.xyz_mm = numbers(one.at("xyz_mm"), 3);
     marker.residual_mm = numbers(one.at("residual_mm"), 3);
     marker.sigma_mm = numbers(one.at("sigma_mm"), 3);
   }

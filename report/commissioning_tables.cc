@@ -108,9 +108,11 @@ Table residuals_table(const Commissioning& result) {
 
 Table markers_table(const Commissioning& result) {
   Table table;
-  table.columns = {"id", "rays", "residual_x_mm", "residual_y_mm", "residual_z_mm", "sigma_x_mm", "sigma_y_mm", "sigma_z_mm"};
+  table.columns = {"id",         "rays",       "x_mm",      "y_mm", "z_mm", "residual_x_mm", "residual_y_mm", "residual_z_mm",
+                   "sigma_x_mm", "sigma_y_mm", "sigma_z_mm"};
   for (const base::CommissionedMarker& marker : result.markers) {
     std::vector<std::string> row = {std::to_string(marker.id), std::to_string(marker.rays)};
+    append(row, marker.xyz_mm);
     append(row, marker.residual_mm);
     append(row, marker.sigma_mm);
     table.rows.push_back(std::move(row));

@@ -57,6 +57,8 @@ TEST(CommissioningDocument, GivesTheHeadAtAnyReadingBackAsItWas) {
   EXPECT_EQ(read->head.left.parameters(), written.head.left.parameters());
   EXPECT_EQ(read->head.temperature_c, written.head.temperature_c);
   EXPECT_EQ(read->labels, written.labels);
+  ASSERT_EQ(read->markers.size(), written.markers.size());
+  EXPECT_EQ(read->markers[3].xyz_mm, written.markers[3].xyz_mm);
 }
 
 TEST(CommissioningDocument, OtherResultsAreRefused) {

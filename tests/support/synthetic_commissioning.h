@@ -72,7 +72,8 @@ inline base::Commissioning synthetic_commissioning(unsigned seed = 1) {
   result.fre_mm = std::sqrt(result.fre_mm);
   result.sphere_scale_ppm = 9.0;
   result.sphere_scale_sigma_ppm = 14.0;
-  for (int id = 1; id <= 12; ++id) result.markers.push_back({id, 8, vector(0.004), Eigen::Vector3d::Constant(0.01)});
+  for (int id = 1; id <= 12; ++id)
+    result.markers.push_back({id, 8, {100.0 * id, 50.0 * (id % 5), 0.0}, vector(0.004), Eigen::Vector3d::Constant(0.01)});
   for (int s = 0; s < 5; ++s) {
     const double reading = axis.from_mm + 250.0 * s;
     const base::HeadPose pose = *result.frame.at(reading);
