@@ -24,7 +24,7 @@ struct CalibrateOptions {
   /// worse than by the best (one standard error: Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, 7.10).
   std::optional<base::LensModel> lens = {};
 
-  /// [px] Standard deviation of a coordinate of a corner. Default: told by the residuals (variance component).
+  /// [px] Standard deviation of a coordinate of a corner. Default: told by the residuals (variance component), 5e-4 at least.
   std::optional<double> sigma_px = {};
 
   /// true: odd and even views, k-fold. Default: true; it takes several times as long as the calibration itself.

@@ -1,5 +1,6 @@
 #include "calib/detail/estimate.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -68,16 +69,15 @@ Result<Estimate> estimate_with_sigma(const Problem& problem, State& state, const
   constexpr double kSettled = 1e-4;  // of a sigma that is known to some 1e-2
   constexpr double kCoarse = 1e-2;
   constexpr double kFine = 1e-9;
-  constexpr double kExact = 1e-9;  // relative to what is measured: corners without any noise have no sigma to find
   for (int update = 0;; ++update) {
     auto at = estimate(problem, state, plan, kCoarse, progress);
     if (!at) return at;
     const double factor = at->sigma_factor();
-    const bool no_noise = factor * state.sigma_px < kExact;
-    if (std::abs(factor - 1.0) < kSettled || update == kMaxUpdates || no_noise) {
+    const bool at_floor = factor < 1.0 && state.sigma_px <= kLeastSigma_px;
+    if (std::abs(factor - 1.0) < kSettled || update == kMaxUpdates || at_floor) {
       return estimate(problem, state, plan, kFine, progress);
     }
-    state.sigma_px *= factor;
+    state.sigma_px = std::max(kLeastSigma_px, factor * state.sigma_px);
   }
 }
 

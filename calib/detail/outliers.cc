@@ -38,8 +38,9 @@ double standardised_residual(const Eigen::Vector2d& residual, const Eigen::Matri
 double limit_of(const CalibrateOptions& options, const Problem& problem, const Estimate& at) {
   const double each = options.significance / static_cast<double>(std::max<std::size_t>(1, problem.corners.size()));
   const double redundancy = at.corner_redundancy;
-  return redundancy > 3.0 ? at.sigma_factor() * math::tau_quantile(1.0 - each, 2.0, redundancy)
-                          : std::numeric_limits<double>::infinity();
+  // A sigma that is given, or at its floor, may be larger than the residuals: they are then no blunders.
+  const double factor = std::max(1.0, at.sigma_factor());
+  return redundancy > 3.0 ? factor * math::tau_quantile(1.0 - each, 2.0, redundancy) : std::numeric_limits<double>::infinity();
 }
 
 /// Corners that are far from where the start values expect them wait outside.

@@ -150,7 +150,7 @@ Result<> settle_camera(const Problem& problem, State& state, int camera) {
       used.push_back(v);
     }
   }
-  alone.sigma_px = std::max(1e-6, robust_sigma_px(problem, alone));
+  alone.sigma_px = std::max(kLeastSigma_px, robust_sigma_px(problem, alone));
   const auto c = static_cast<std::size_t>(camera);
   CameraFit fit{state.lenses[c], {}, 0};
   std::vector<PoseData> views;
@@ -297,7 +297,7 @@ Result<State> start(Problem& problem, const Progress& progress) {
   }
   progress("start", problem.cameras.size(), problem.cameras.size());
   if (auto ok = start_rig(problem, state); !ok) return fail(std::move(ok));
-  state.sigma_px = std::max(1e-6, robust_sigma_px(problem, state));
+  state.sigma_px = std::max(kLeastSigma_px, robust_sigma_px(problem, state));
   return state;
 }
 

@@ -13,6 +13,10 @@
 
 namespace crosstie::calib::detail {
 
+/// [px] No corner is taken to be better than this. Computed ones without any noise would otherwise outweigh the board's prior until
+/// the datum, which it alone fixes, is lost in rounding.
+inline constexpr double kLeastSigma_px = 5e-4;
+
 /// Values of all unknowns, and what takes part.
 struct State {
   base::LensModel lens_model = base::LensModel::kOpenCv5;

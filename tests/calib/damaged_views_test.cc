@@ -260,6 +260,19 @@ TEST(DamagedViews, InconsistentInputIsRefused) {
   refused([](BoardViews& v) { v.board.pitch_mm = -1.0; }, "pitch");
 }
 
+TEST(DamagedViews, ComputedCornersWithoutNoiseAreNoObstacle) {
+  for (const bool free : {false, true}) {
+    base::Board board = tests::scene_board();
+    board.free = free;
+    const auto scene = tests::make_scene(board, {.stations = 8, .sigma_px = 0.0});
+    const auto result = calibrate(scene.views, kQuick);
+    ASSERT_TRUE(result) << result.error().message;
+    EXPECT_TRUE(result->rejected.empty());
+    EXPECT_LT(result->rms_px, 1e-4);
+    EXPECT_NEAR(result->cameras[0].camera.parameters()(0), 1500.0, 1e-2);
+  }
+}
+
 TEST(DamagedViews, OptionsAreHeldToTheirDomain) {
   const auto scene = good_scene();
   const auto refused = [&](auto change) {
