@@ -34,7 +34,7 @@ void add_options(CLI::App& app, const Verb& verb, std::deque<Slot>& slots) {
     if (positional && option.repeated) {
       added->expected(option.required ? 1 : 0, CLI::detail::expected_max_vector_size);
     } else {
-      added->expected(1);
+      added->expected(option.values);
       if (option.repeated) added->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
       added->allow_extra_args(false);
     }

@@ -115,6 +115,9 @@ struct JobLimits {
   double halves_ratio = 2.0;      ///< what odd and even views differ by, over its prediction (mrcal's cross-validation)
   double area_not_covered = 0.3;  ///< share of the image's inner cells without board corners; a WARNING, never a FAIL
   double prior_ratio = 2.0;       ///< what the board's shape deviates by, over its prior
+  double sphere_w = 3.29;         ///< standardised residual of a reference sphere; 0.1 % two-sided
+  double rig_change_w = 3.76;     ///< change of the rig since calibrate over its sigma; 0.1 % two-sided of the largest of six
+  std::optional<double> frame_u_mm;  ///< U of a point of the working volume by the machine's frame alone, worst direction
   std::optional<double> baseline_sigma_mm;
   std::optional<double> point_sigma_mm;    ///< largest sigma of a coordinate
   std::optional<double> deviation_rms_mm;  ///< 3D, against the reference

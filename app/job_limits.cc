@@ -8,7 +8,7 @@ void read_limits(const JobTable& root, Job& job) {
   const auto table = root.table("limits");
   if (!table) return;
   table->check_keys("limits", {"sigma0_px", "scale_bar_w", "control_w", "heldout_rms_px", "halves_ratio", "area_not_covered",
-                               "prior_ratio", "baseline_sigma_mm", "point_sigma_mm", "deviation_rms_mm", "deviation_max_mm",
+                               "prior_ratio", "sphere_w", "rig_change_w", "frame_u_mm", "baseline_sigma_mm", "point_sigma_mm", "deviation_rms_mm", "deviation_max_mm",
                                "length_mpe_a_mm", "length_mpe_k"});
   JobLimits& limits = job.limits;
   table->number("sigma0_px", limits.sigma0_px);
@@ -18,6 +18,9 @@ void read_limits(const JobTable& root, Job& job) {
   table->number("halves_ratio", limits.halves_ratio);
   table->number("area_not_covered", limits.area_not_covered);
   table->number("prior_ratio", limits.prior_ratio);
+  table->number("sphere_w", limits.sphere_w);
+  table->number("rig_change_w", limits.rig_change_w);
+  table->number("frame_u_mm", limits.frame_u_mm);
   table->number("baseline_sigma_mm", limits.baseline_sigma_mm);
   table->number("point_sigma_mm", limits.point_sigma_mm);
   table->number("deviation_rms_mm", limits.deviation_rms_mm);

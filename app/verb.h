@@ -18,6 +18,7 @@ struct Option {
   std::string help;   ///< effect, unit and default
   bool required = false;
   bool repeated = false;  ///< may be given several times (a positional one: takes all that follow)
+  int values = 1;         ///< how many words it takes each time it is given
 };
 
 /// What the user gave.

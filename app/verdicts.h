@@ -4,6 +4,7 @@
 
 #include "app/job.h"
 #include "app/verb.h"
+#include "base/machine.h"
 #include "base/network.h"
 #include "base/verdict.h"
 #include "base/verification.h"
@@ -14,6 +15,9 @@ namespace crosstie::app {
 std::vector<base::Verdict> judge(const base::AdjustedNetwork& network, const JobLimits& limits);
 /// Values of a verification held against the job's limits.
 std::vector<base::Verdict> judge(const base::Verification& verification, const JobLimits& limits);
+
+/// Values of a commissioning, held against the limits and against the head as it was calibrated.
+std::vector<base::Verdict> judge(const base::Commissioning& result, const base::Head& calibrated, const JobLimits& limits);
 
 /// kVerdictFailed where one of them is a FAIL.
 Outcome outcome_of(const std::vector<base::Verdict>& verdicts);
