@@ -16,7 +16,7 @@ using base::Result;
 constexpr int kRowsPerTask = 32;
 constexpr double kRange = 1e-5;  // of chance
 constexpr double kMargin = 9.0;  // of the second best fringe, in squared sigmas
-constexpr int kReach = 4;        // pixels over which neighbours tell a fringe
+constexpr int kReach = 8;        // pixels over which neighbours tell a fringe
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 Result<> over_rows(int height, int threads, const base::Progress& progress, const std::function<void(int, int)>& work) {
@@ -28,8 +28,9 @@ Result<> over_rows(int height, int threads, const base::Progress& progress, cons
   });
 }
 
-/// The fringe of a pixel as its neighbours in four directions tell it: their coordinates, carried on by their own slope.
-float told_by_neighbours(const std::vector<float>& sure, float phase, int x, int y, int width, int height) {
+/// The fringe of a pixel as its neighbours in four directions tell it: their coordinates, carried on by their own slope. Two must
+/// agree, or one with the code's own nearest coordinate, where that is a number.
+float told_by_neighbours(const std::vector<float>& sure, float phase, float by_code, int x, int y, int width, int height) {
   const auto at = [&](int column, int row) {
     return column < 0 || column >= width || row < 0 || row >= height
                ? kUnknown
@@ -53,7 +54,7 @@ float told_by_neighbours(const std::vector<float>& sure, float phase, int x, int
       break;
     }
   }
-  return voices >= 2 ? told : kUnknown;
+  return voices >= 2 || (voices == 1 && told == by_code) ? told : kUnknown;
 }
 
 }  // namespace
@@ -85,7 +86,9 @@ Result<> unwrap_by_gray_code(const GrayWords& words, const FringeSet& fringes, d
         const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
         if (status[i] != PhaseStatus::kValid) continue;
         if (!std::isnan(sure[i]) && words.doubtful[i] == 0) continue;
-        const float told = told_by_neighbours(sure, fringes.turns[i], x, y, width, height);
+        const float middle = static_cast<float>(words.words[i]) * scale + shift;
+        const float by_code = words.doubtful[i] > 1 ? kUnknown : std::round(middle - fringes.turns[i]) + fringes.turns[i];
+        const float told = told_by_neighbours(sure, fringes.turns[i], by_code, x, y, width, height);
         if (std::isnan(told)) {
           if (std::isnan(sure[i])) status[i] = PhaseStatus::kUndecided;
         } else if (told != sure[i]) {
