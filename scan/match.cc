@@ -323,7 +323,7 @@ int smoothing_radius(const PhasePlane& plane, const Target& target, int width, i
   return radius;
 }
 
-Result<> check(const PhaseMap& left, const PhaseMap& right, const ScanHead& head) {
+Result<> check(const PhaseMap& left, const PhaseMap& right, const base::Head& head) {
   for (const auto& [map, camera, name] : {std::tuple{&left, &head.left, "left"}, std::tuple{&right, &head.right, "right"}}) {
     if (map->width != camera->width_px() || map->height != camera->height_px()) {
       return fail(ErrorCode::kBadInput, fmt::format("the {} images have {} x {} px, the {} camera {} x {}", name, map->width,
@@ -360,7 +360,7 @@ Result<> MatchOptions::validate() const {
   return {};
 }
 
-Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const ScanHead& head, const MatchOptions& options,
+Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::Head& head, const MatchOptions& options,
                        const base::Progress& progress) {
   if (auto ok = options.validate(); !ok) return fail(std::move(ok));
   if (auto ok = check(left, right, head); !ok) return fail(std::move(ok));

@@ -2,10 +2,10 @@
 
 #include <vector>
 
+#include "base/machine.h"
 #include "base/phase_map.h"
 #include "base/progress.h"
 #include "base/result.h"
-#include "scan/head.h"
 
 namespace crosstie::scan {
 
@@ -49,7 +49,7 @@ struct DepthMap {
 /// sigma: phases' sigmas of the left pixel and of the four right ones with the squares of their weights, through the slopes.
 /// Errors: kBadInput where the maps do not fit the cameras or each other; kNoUniqueSolution where fringes run along the epipolar
 /// curves, so that they tell no depth.
-base::Result<DepthMap> match(const base::PhaseMap& left, const base::PhaseMap& right, const ScanHead& head,
+base::Result<DepthMap> match(const base::PhaseMap& left, const base::PhaseMap& right, const base::Head& head,
                              const MatchOptions& options, const base::Progress& progress = {});
 
 }  // namespace crosstie::scan

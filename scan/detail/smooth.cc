@@ -18,8 +18,9 @@ struct ColumnSums {
 }  // namespace
 
 std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<char>& good, int width, int height, int radius,
-                            int threads) {
+                            int threads, std::vector<char>* averaged) {
   std::vector<float> result = plane;
+  if (averaged != nullptr) averaged->assign(plane.size(), 0);
   if (radius < 1) return result;
   const auto w = static_cast<std::size_t>(width);
   const int full = (2 * radius + 1) * (2 * radius + 1);
@@ -51,7 +52,9 @@ std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<c
       for (int x = 0; x < width; ++x) {
         take(x + radius, 1);
         if (count == full) {
-          result[static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x)] = static_cast<float>(sum / full);
+          const std::size_t at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
+          result[at] = static_cast<float>(sum / full);
+          if (averaged != nullptr) (*averaged)[at] = 1;
         }
         take(x - radius, -1);
       }

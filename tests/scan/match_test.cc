@@ -121,7 +121,7 @@ TEST(Match, NothingStandsBeyondARim) {
 TEST(Match, TwoDirectionsShowAWrongHead) {
   const SyntheticScan scene;
   const auto maps = phases(scene, tests::gray_and_fringes(24.0, 6, false, true), 24);
-  ScanHead pitched = scene.head;
+  base::Head pitched = scene.head;
   pitched.right_from_left.rotation = base::rotation_exp({1e-3, 0.0, 0.0}) * pitched.right_from_left.rotation;
   const auto map = match(maps[0], maps[1], pitched, {});
   ASSERT_TRUE(map) << map.error().message;
@@ -131,7 +131,7 @@ TEST(Match, TwoDirectionsShowAWrongHead) {
 TEST(Match, WhatCannotBeMatchedIsRefused) {
   const SyntheticScan scene;
   const auto maps = phases(scene, tests::gray_and_fringes(24.0, 6, false, false), 25);
-  ScanHead same_place = scene.head;
+  base::Head same_place = scene.head;
   same_place.right_from_left.translation_mm.setZero();
   EXPECT_THAT(match(maps[0], maps[1], same_place, {}).error().message, testing::HasSubstr("side by side"));
   base::PhaseMap turned = maps[1];

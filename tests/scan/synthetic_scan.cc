@@ -22,9 +22,12 @@ bool gray_bit(int word, int bit, int bits) { return (((word ^ (word >> 1)) >> (b
 }  // namespace
 
 SyntheticScan::SyntheticScan()
-    : head{lens(320, 240, -0.12),
+    : head{"left",
+           "right",
+           lens(320, 240, -0.12),
            lens(320, 240, -0.10),
            base::Pose{base::rotation_exp({0.01, 0.22, -0.008}), Eigen::Vector3d(-300.0, 4.0, 30.0)},
+           {},
            {}},
       surface(tilted_plane(1200.0, 0.1)) {}
 

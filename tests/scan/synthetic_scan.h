@@ -9,8 +9,8 @@
 #include <Eigen/Core>
 
 #include "base/image.h"
+#include "base/machine.h"
 #include "base/pattern_sequence.h"
-#include "scan/head.h"
 
 namespace crosstie::tests {
 
@@ -19,7 +19,7 @@ namespace crosstie::tests {
 struct SyntheticScan {
   int width = 320;
   int height = 240;
-  scan::ScanHead head;
+  base::Head head;
   /// Distance along a ray (unit direction, left camera's frame) at which it meets the surface from `origin`; nothing: it passes by.
   std::function<std::optional<double>(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)> surface;
   std::function<double(double u, double v)> albedo = [](double, double) { return 1.0; };  ///< by projector coordinates 0..1
