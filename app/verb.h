@@ -56,6 +56,8 @@ struct Verb {
 Verb init_verb();
 Verb detect_verb();
 Verb adjust_verb();
+Verb patterns_verb();
+Verb scan_verb();
 Verb verify_verb();
 Verb run_verb();
 Verb simulate_verb();

@@ -11,6 +11,7 @@
 #include "base/network.h"
 #include "base/observation.h"
 #include "base/result.h"
+#include "base/scan_summary.h"
 #include "base/verdict.h"
 #include "base/verification.h"
 
@@ -47,6 +48,9 @@ nlohmann::ordered_json commissioning_json(const Commissioning& commissioning);
 nlohmann::ordered_json head_check_json(const HeadCheck& check);
 /// The body of `verify`.
 nlohmann::ordered_json verification_json(const Verification& verification);
+
+/// The body of `scan`.
+nlohmann::ordered_json scan_json(const ScanSummary& scan);
 
 /// Points with covariances back from an `adjust` result.
 Result<PointList> points_from_network_json(const std::filesystem::path& result_json);

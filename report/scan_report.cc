@@ -1,0 +1,179 @@
+#include "report/scan_report.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "report/detail/charts.h"
+#include "report/detail/heat_map.h"
+#include "report/detail/html.h"
+#include "report/detail/number.h"
+#include "report/detail/page.h"
+#include "report/detail/plot.h"
+
+namespace crosstie::report {
+namespace {
+
+using base::PhaseStatus;
+using base::ScannedCamera;
+using base::ScanSummary;
+using detail::number_cell;
+using detail::text_cell;
+
+std::int64_t count(const ScannedCamera& camera, PhaseStatus status) { return camera.counts[static_cast<std::size_t>(status)]; }
+
+std::vector<detail::KeyFigure> key_figures(const ScanSummary& scan) {
+  std::vector<detail::KeyFigure> figures = {
+      {"Points", detail::counted(scan.points),
+       fmt::format("{:.1f} % of the left camera's pixels",
+                   100.0 * static_cast<double>(scan.points) / (1.0 * scan.width * scan.height)),
+       ""},
+      {"Sigma of a point (median)", fmt::format("{} mm", detail::significant(scan.sigma_mm, 2)),
+       fmt::format("{}, noise along the viewing ray; 95 % below {} mm", detail::expanded(scan.sigma_mm, "mm"),
+                   detail::significant(scan.sigma_p95_mm, 2)),
+       ""},
+      {"Depth", fmt::format("{} to {} mm", detail::fixed(scan.depth_min_mm, 0), detail::fixed(scan.depth_max_mm, 0)),
+       "from the left camera", ""}};
+  if (scan.calibration_mm) {
+    figures.push_back(
+        {"Calibration's part (median)", fmt::format("{} mm", detail::significant(*scan.calibration_mm, 2)),
+         fmt::format("{}, shared by all points: no averaging makes it smaller", detail::expanded(*scan.calibration_mm, "mm")),
+         ""});
+  } else {
+    figures.push_back({"Calibration's part", "unknown", "the calibration was given without its covariance", "warning"});
+  }
+  if (scan.epipolar_median_px) {
+    figures.push_back(
+        {"Off the epipolar curve (median)", fmt::format("{} px", detail::fixed(*scan.epipolar_median_px, 3)),
+         fmt::format("scatter {} px: the test of the calibration in this scan", detail::fixed(scan.epipolar_mad_px, 3)), ""});
+  } else {
+    figures.push_back({"Calibration", "not tested", "one direction of fringes tells nothing of it", "warning"});
+  }
+  return figures;
+}
+
+std::string pixel_table(const ScanSummary& scan) {
+  detail::HtmlTable table(
+      "What became of the pixels of each camera, before they were matched.",
+      {{"Camera", "", "", false},
+       {"With a phase", ""},
+       {"Dark", "", "the fringes do not stand out of the noise"},
+       {"Saturated", "", "too few samples left that are not cut off"},
+       {"Undecided", "", "nothing tells which fringe it is"},
+       {"Disturbed", "", "the samples are no shifted cosine: movement, changed light, two surfaces in one pixel"},
+       {"Told by neighbours", "", "fringes where the code itself was blurred"}});
+  for (const ScannedCamera& camera : scan.cameras) {
+    std::vector<detail::Cell> cells = {text_cell(camera.name)};
+    for (const PhaseStatus status :
+         {PhaseStatus::kValid, PhaseStatus::kDark, PhaseStatus::kSaturated, PhaseStatus::kUndecided, PhaseStatus::kDisturbed}) {
+      cells.push_back(number_cell(detail::counted(count(camera, status)), static_cast<double>(count(camera, status))));
+    }
+    cells.push_back(number_cell(detail::counted(camera.repaired), static_cast<double>(camera.repaired)));
+    table.add_row(std::move(cells));
+  }
+  detail::HtmlTable lost("Why pixels with a phase became no points.", {{"Reason", "", "", false}, {"Pixels", ""}});
+  const std::array<std::pair<const char*, std::int64_t>, 5> reasons = {
+      {{"beside the end of a surface, where a pixel sees two", scan.guarded},
+       {"not seen by the other camera", scan.unmatched},
+       {"both phases meet off the epipolar curve", scan.off_curve},
+       {"seen at too flat an angle", scan.grazing},
+       {"off the surface of its neighbours", scan.off_surface}}};
+  for (const auto& [reason, pixels] : reasons) {
+    lost.add_row({text_cell(reason), number_cell(detail::counted(pixels), static_cast<double>(pixels))});
+  }
+  return table.html() + lost.html();
+}
+
+std::string camera_table(const ScanSummary& scan) {
+  detail::HtmlTable table(
+      "Light and noise. Noise is the camera's own, from the residuals of the fringes unless given: variance = read + shot x "
+      "level. "
+      "Residuals over sigma are near 1 where light is a cosine and all stood still; the waveform's ripple was taken out.",
+      {{"Camera", "", "", false},
+       {"Light", "grey levels", "median mean level"},
+       {"Modulation", "grey levels", "median"},
+       {"Read noise", "grey levels", "root of the variance without light"},
+       {"Shot noise", "levels", "growth of the variance with the level"},
+       {"Sigma of a phase", "rad", "median"},
+       {"Residuals / sigma", ""},
+       {"Ripple", "rad"},
+       {"Code and fringes agree", "", "1: all places where the code changes are at one phase"}});
+  for (const ScannedCamera& camera : scan.cameras) {
+    table.add_row({text_cell(camera.name), number_cell(detail::fixed(camera.light, 1), camera.light),
+                   number_cell(detail::fixed(camera.modulation, 1), camera.modulation),
+                   number_cell(detail::significant(std::sqrt(camera.noise.read)), camera.noise.read),
+                   number_cell(detail::significant(camera.noise.shot), camera.noise.shot),
+                   number_cell(detail::significant(camera.sigma_phase_rad), camera.sigma_phase_rad),
+                   number_cell(detail::fixed(camera.residual_ratio, 2), camera.residual_ratio),
+                   number_cell(detail::significant(camera.ripple_rad), camera.ripple_rad),
+                   number_cell(detail::fixed(camera.word_agreement, 3), camera.word_agreement)});
+  }
+  return table.html();
+}
+
+/// Lowest value of the cells that hold one.
+double lowest(const Eigen::MatrixXd& cells) {
+  double value = std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 0; i < cells.size(); ++i) {
+    if (std::isfinite(cells.data()[i])) value = std::min(value, cells.data()[i]);
+  }
+  return std::isfinite(value) ? value : 0.0;
+}
+
+double highest(const Eigen::MatrixXd& cells) {
+  double value = -std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 0; i < cells.size(); ++i) {
+    if (std::isfinite(cells.data()[i])) value = std::max(value, cells.data()[i]);
+  }
+  return std::isfinite(value) ? value : 1.0;
+}
+
+std::string map_of(const ScanSummary& scan, const Eigen::MatrixXd& cells, const std::string& name, double low, double high) {
+  const double width = scan.cell_px * static_cast<double>(cells.cols());
+  const double height = scan.cell_px * static_cast<double>(cells.rows());
+  const detail::HeatGrid grid{detail::make_axis(0.0, width, 6, false), detail::make_axis(0.0, height, 5, false), cells, name,
+                              "mm"};
+  detail::HeatOptions options;
+  options.y_down = true;
+  options.low = low;
+  options.high = high;
+  return detail::heat_map(grid, name, "x [px]", "y [px]", {}, options);
+}
+
+}  // namespace
+
+std::string scan_report(const ScanSummary& scan, const ReportContext& context) {
+  detail::Page page(context);
+  page.key_figures(key_figures(scan));
+  page.section(
+      "maps", "Depth and precision over the left image",
+      detail::figures({detail::figure(map_of(scan, scan.depth_mm, "Depth", lowest(scan.depth_mm), highest(scan.depth_mm)),
+                                      "Mean depth of each cell, from the left camera."),
+                       detail::figure(map_of(scan, scan.sigma_cells_mm, "Sigma", 0.0,
+                                             std::min(highest(scan.sigma_cells_mm), 3.0 * scan.sigma_p95_mm)),
+                                      "Mean predicted sigma of a point along its viewing ray: the cameras' noise alone.")}));
+  page.section("pixels", "Pixels", pixel_table(scan));
+  page.section("cameras", "Light, noise and fringes", camera_table(scan));
+  if (scan.epipolar_median_px) {
+    page.section(
+        "calibration", "Test of the calibration",
+        detail::paragraph(
+            "Both phases of a left pixel are met at one place of the right image. A calibrated head has it on the "
+            "pixel's epipolar curve; a head that was knocked or has warmed up has it beside.") +
+            detail::figure(detail::histogram(scan.epipolar_px, "Distance from the epipolar curve", "px",
+                                             {{std::max(1e-6, scan.epipolar_mad_px), "normal curve of the same scatter"}}),
+                           "Signed distances of a sample of the points."));
+  }
+  if (scan.correlation_length_mm > 0.0) {
+    page.section("filter", "Filter",
+                 detail::paragraph(
+                     fmt::format("Depths are averages: points within {} mm of each other are correlated, and no detail finer "
+                                 "than that is kept.",
+                                 detail::fixed(scan.correlation_length_mm, 2))));
+  }
+  return page.html();
+}
+
+}  // namespace crosstie::report
