@@ -38,7 +38,8 @@ using detail::FringeSet;
 
 constexpr double kLeastSigma = 0.3;  // grey levels: quantisation alone
 constexpr double kDisturbedSignificance = 1e-5;
-constexpr std::size_t kLeastPixels = 100;  // with modulation, for there to be anything to decode
+constexpr std::int64_t kLeastChanges = 100;  // of the Gray code, to tell whether it belongs to the fringes
+constexpr std::size_t kLeastPixels = 100;    // with modulation, for there to be anything to decode
 
 /// Images of one axis, set and exposure.
 using SetKey = std::tuple<ProjectorAxis, int, double>;
@@ -265,17 +266,19 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
     const auto found = detail::find_word_offset(code_words, all[finest], good, width, height, code.word_periods);
     plane.word_offset = code.word_offset.value_or(found.offset);
     plane.word_agreement = found.agreement;
-    if (found.changes < 100 || found.agreement < options.min_word_agreement || found.backwards) {
+    const std::string why = found.changes < kLeastChanges ? "it hardly changes"
+                            : found.misplaced_bit >= 0
+                                ? fmt::format("bit {} is not where the phases go on", code.gray_bits - 1 - found.misplaced_bit)
+                            : found.backwards                              ? "phases fall where its words grow"
+                            : found.agreement < options.min_word_agreement ? "its words change at all phases"
+                                                                           : "";
+    if (!why.empty()) {
       return fail(
           ErrorCode::kBadInput,
           fmt::format("the Gray code of the axis {} does not agree with the fringes: {} ({} changes of the code, agreement "
                       "{:.2f}, {:.2f} is asked for); the images are in another order than the manifest says, or of another "
                       "sequence",
-                      base::axis_name(axis),
-                      found.changes < 100 ? "it hardly changes"
-                      : found.backwards   ? "phases fall where its words grow"
-                                          : "its words change at all phases",
-                      found.changes, found.agreement, options.min_word_agreement));
+                      base::axis_name(axis), why, found.changes, found.agreement, options.min_word_agreement));
     }
     auto done = detail::unwrap_by_gray_code(code_words, all[finest], code.word_periods, *plane.word_offset, width, height,
                                             options.threads, plane, map.status, progress);

@@ -1,6 +1,8 @@
 #include "scan/detail/gray_code.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -12,6 +14,7 @@ namespace {
 
 constexpr int kRowsPerTask = 32;
 constexpr float kDoubtful = 0.3F;
+constexpr double kSmooth = 0.15;  // turns between neighbouring pixels of a surface
 
 template <typename Sample>
 void read_rows(const std::vector<GrayImages>& images, const FringeSet& fringes, int first, int last, GrayWords& result) {
@@ -51,6 +54,8 @@ void read_rows(const std::vector<GrayImages>& images, const FringeSet& fringes, 
   }
 }
 
+unsigned gray_of(std::uint16_t word) { return static_cast<unsigned>(word) ^ (static_cast<unsigned>(word) >> 1U); }
+
 }  // namespace
 
 base::Result<GrayWords> read_gray_code(const std::vector<GrayImages>& images, const FringeSet& fringes, int threads,
@@ -80,13 +85,22 @@ WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, co
   std::complex<double> sum = 0.0;
   WordOffset result;
   std::int64_t falling = 0;
+  std::array<std::int64_t, 16> flips = {};  // by bit, and those of them that lead to another word than the next
+  std::array<std::int64_t, 16> jumps = {};
   const auto look = [&](std::size_t a, std::size_t b) {
     if (!good[a] || !good[b]) return;
     const int step = static_cast<int>(words.words[b]) - static_cast<int>(words.words[a]);
-    if (step != 1 && step != -1) return;
+    if (step == 0) return;
     double change = static_cast<double>(fringes.turns[b]) - static_cast<double>(fringes.turns[a]);
     change -= std::round(change);
-    if (std::abs(change) > 0.25) return;  // no neighbours on one surface
+    if (std::abs(change) > kSmooth) return;  // no neighbours on one surface
+    const unsigned changed = gray_of(words.words[a]) ^ gray_of(words.words[b]);
+    if (std::has_single_bit(changed)) {
+      const auto bit = static_cast<std::size_t>(std::countr_zero(changed));
+      ++flips[bit];
+      if (step != 1 && step != -1) ++jumps[bit];
+    }
+    if (step != 1 && step != -1) return;
     if (change * step < 0.0) ++falling;
     const double middle = static_cast<double>(fringes.turns[a]) + 0.5 * change;
     const int upper = std::max(words.words[a], words.words[b]);
@@ -99,6 +113,10 @@ WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, co
       if (x + 1 < width) look(at, at + 1);
       if (y + 1 < height) look(at, at + static_cast<std::size_t>(width));
     }
+  }
+  constexpr std::int64_t kLeastFlips = 30;
+  for (std::size_t bit = 0; bit < flips.size(); ++bit) {
+    if (flips[bit] >= kLeastFlips && 2 * jumps[bit] > flips[bit]) result.misplaced_bit = static_cast<int>(bit);
   }
   if (result.changes == 0) return result;
   result.backwards = 2 * falling > result.changes;

@@ -32,9 +32,12 @@ base::Result<GrayWords> read_gray_code(const std::vector<GrayImages>& images, co
 
 /// Where the words change against the fringes.
 struct WordOffset {
-  double offset = 0.0;     ///< [words], of AxisCode::word_offset
-  double agreement = 0.0;  ///< resultant length, 0..1
-  std::int64_t changes = 0;
+  double offset = 0.0;       ///< [words], of AxisCode::word_offset
+  double agreement = 0.0;    ///< resultant length, 0..1
+  std::int64_t changes = 0;  ///< of a word to its neighbour
+  /// A bit most of whose changes lead to another word than the next although the phase goes on: it stands in another image. Counted from
+  /// the least significant one, -1: there is none.
+  int misplaced_bit = -1;
   bool backwards = false;  ///< words grow where phases fall
 };
 

@@ -195,9 +195,10 @@ void add_measured_points(std::vector<Reader>& all) {
   all.push_back({"plain coordinates", {"1.25 2 3\n4 5 6\n7 8 9\n10 11 12\n", true, false, "1.25"}, measured});
   all.push_back({"counted coordinates", {"3\n1.25\t2\t3\n4\t5\t6\n7\t8\t9\n", true, false, "1.25"}, measured});
   all.push_back({"table of coordinates", {"x_mm;y_mm;z_mm;grey\n1.25;2;3;17\n4;5;6;18\n", true, false, "1.25"}, measured});
-=======
-  void add_scans(std::vector<Reader> & all) {
-    const std::string manifest = R"({
+}
+
+void add_scans(std::vector<Reader>& all) {
+  const std::string manifest = R"({
   "format": "crosstie-patterns/1",
   "x": {"fringes": [1.25], "gray_bits": 2, "word_periods": 1},
   "images": [
@@ -208,68 +209,68 @@ void add_measured_points(std::vector<Reader>& all) {
     {"kind": "fringe", "axis": "x", "shift": 0.5, "file": "21.png"}
   ]
 })";
-    all.push_back({"pattern manifest", {manifest, true, true, "1.25", "", ""}, answer([](const fs::path& p) {
-                     return base::read_pattern_manifest(p);
-                   })});
-    const std::string lenses =
-        "%YAML:1.0\n---\n"
-        "M1: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1000., 0., 320.25, 0., 1000., 240., 0., 0., 1. ]\n"
-        "D1: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0., 0., 0., 0. ]\n"
-        "M2: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1000., 0., 320., 0., 1000., 240., 0., 0., 1. ]\n"
-        "D2: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0., 0., 0., 0. ]\n";
-    const std::string pose =
-        "%YAML:1.0\n---\n"
-        "R: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]\n"
-        "T: !!opencv-matrix\n   rows: 3\n   cols: 1\n   dt: d\n   data: [ -300.25, 0., 0. ]\n";
-    all.push_back(
-        {"OpenCV stereo lenses",
-         {lenses, true, true, "320.25", "", ""},
-         answer([](const fs::path& p) { return base::read_opencv_stereo(p, p.parent_path() / "extrinsic.yml", 640, 480); }),
-         "intrinsic.yml",
-         {{"extrinsic.yml", pose}}});
-    all.push_back(
-        {"OpenCV stereo pose",
-         {pose, true, true, "-300.25", "", ""},
-         answer([](const fs::path& p) { return base::read_opencv_stereo(p.parent_path() / "intrinsic.yml", p, 640, 480); }),
-         "extrinsic.yml",
-         {{"intrinsic.yml", lenses}}});
-  }
+  all.push_back({"pattern manifest", {manifest, true, true, "1.25", "", ""}, answer([](const fs::path& p) {
+                   return base::read_pattern_manifest(p);
+                 })});
+  const std::string lenses =
+      "%YAML:1.0\n---\n"
+      "M1: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1000., 0., 320.25, 0., 1000., 240., 0., 0., 1. ]\n"
+      "D1: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0., 0., 0., 0. ]\n"
+      "M2: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1000., 0., 320., 0., 1000., 240., 0., 0., 1. ]\n"
+      "D2: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0., 0., 0., 0. ]\n";
+  const std::string pose =
+      "%YAML:1.0\n---\n"
+      "R: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]\n"
+      "T: !!opencv-matrix\n   rows: 3\n   cols: 1\n   dt: d\n   data: [ -300.25, 0., 0. ]\n";
+  all.push_back(
+      {"OpenCV stereo lenses",
+       {lenses, true, true, "320.25", "", ""},
+       answer([](const fs::path& p) { return base::read_opencv_stereo(p, p.parent_path() / "extrinsic.yml", 640, 480); }),
+       "intrinsic.yml",
+       {{"extrinsic.yml", pose}}});
+  all.push_back(
+      {"OpenCV stereo pose",
+       {pose, true, true, "-300.25", "", ""},
+       answer([](const fs::path& p) { return base::read_opencv_stereo(p.parent_path() / "intrinsic.yml", p, 640, 480); }),
+       "extrinsic.yml",
+       {{"intrinsic.yml", lenses}}});
+}
 
-  void add_aicon(std::vector<Reader> & all) {
-    all.push_back({"AICON image points",
-                   {"1 17 1.25 2.5 0.0001 0.0001 0 0 3 1 0\n1 18 2.25 2.5 0.0001 0.0001 0 0 3 1 0\n", true, false, "1.25", "17",
-                    "1 17 1.25 2.5 0.0001 0.0001 0 0 3 1 0"},
-                   answer([](const fs::path& p) { return base::read_aicon_image_points(p); })});
-    all.push_back({"AICON object points",
-                   {"17 1.25 2.5 3.5 0.1 0.1 0.1 12 1 0 0\n18 2.25 2.5 3.5 fix fix fix 12 1\n", true, false, "1.25", "17",
-                    "18 2.25 2.5 3.5 fix fix fix 12 1"},
-                   answer([](const fs::path& p) { return base::read_aicon_object_points(p); })});
-    all.push_back({"AICON images",
-                   {"17 1 1.25 2 3 0.1 0.2 0.3 0 1 1\n18 1 1 2 3 0.1 0.2 0.3 0 1 1\n", true, false, "1.25", "17",
-                    "17 1 1.25 2 3 0.1 0.2 0.3 0 1 1"},
-                   answer([](const fs::path& p) { return base::read_aicon_images(p); })});
-    all.push_back({"AICON cameras",
-                   {"17 -999 -28.5 0.01 0.02 -1e-4 1e-7 0\n1e-10\n1e-5 1e-5\n1e-5 1e-5\n36 24 3600 2400\n", true, true, "0.02",
-                    "17", "1e-5 1e-5"},
-                   answer([](const fs::path& p) { return base::read_aicon_cameras(p); })});
-    all.push_back({"AICON scales",
-                   {"0 \"bar\" 17 2 1000.25 0.01 1\n1 \"other bar\" 3 4 1000 0.01 1\n", true, false, "1000.25", "17",
-                    "0 \"bar\" 17 2 1000.25 0.01 1"},
-                   answer([](const fs::path& p) { return base::read_aicon_scales(p); })});
-  }
+void add_aicon(std::vector<Reader>& all) {
+  all.push_back({"AICON image points",
+                 {"1 17 1.25 2.5 0.0001 0.0001 0 0 3 1 0\n1 18 2.25 2.5 0.0001 0.0001 0 0 3 1 0\n", true, false, "1.25", "17",
+                  "1 17 1.25 2.5 0.0001 0.0001 0 0 3 1 0"},
+                 answer([](const fs::path& p) { return base::read_aicon_image_points(p); })});
+  all.push_back({"AICON object points",
+                 {"17 1.25 2.5 3.5 0.1 0.1 0.1 12 1 0 0\n18 2.25 2.5 3.5 fix fix fix 12 1\n", true, false, "1.25", "17",
+                  "18 2.25 2.5 3.5 fix fix fix 12 1"},
+                 answer([](const fs::path& p) { return base::read_aicon_object_points(p); })});
+  all.push_back({"AICON images",
+                 {"17 1 1.25 2 3 0.1 0.2 0.3 0 1 1\n18 1 1 2 3 0.1 0.2 0.3 0 1 1\n", true, false, "1.25", "17",
+                  "17 1 1.25 2 3 0.1 0.2 0.3 0 1 1"},
+                 answer([](const fs::path& p) { return base::read_aicon_images(p); })});
+  all.push_back({"AICON cameras",
+                 {"17 -999 -28.5 0.01 0.02 -1e-4 1e-7 0\n1e-10\n1e-5 1e-5\n1e-5 1e-5\n36 24 3600 2400\n", true, true, "0.02",
+                  "17", "1e-5 1e-5"},
+                 answer([](const fs::path& p) { return base::read_aicon_cameras(p); })});
+  all.push_back({"AICON scales",
+                 {"0 \"bar\" 17 2 1000.25 0.01 1\n1 \"other bar\" 3 4 1000 0.01 1\n", true, false, "1000.25", "17",
+                  "0 \"bar\" 17 2 1000.25 0.01 1"},
+                 answer([](const fs::path& p) { return base::read_aicon_scales(p); })});
+}
 
-  /// One reader for each file of a folder.
-  template <typename Read>
-  void add_folder(std::vector<Reader> & all, const std::string& name, const Files& files, Read read) {
-    for (const auto& [file, contents] : files) {
-      const bool is_text = !file.ends_with(".bin") && !file.ends_with(".npy");
-      Reader reader{name + " " + file, {contents, is_text, !file.ends_with(".csv")}, answer_of_folder(read), file};
-      for (const auto& other : files) {
-        if (other.first != file) reader.beside.push_back(other);
-      }
-      all.push_back(std::move(reader));
+/// One reader for each file of a folder.
+template <typename Read>
+void add_folder(std::vector<Reader>& all, const std::string& name, const Files& files, Read read) {
+  for (const auto& [file, contents] : files) {
+    const bool is_text = !file.ends_with(".bin") && !file.ends_with(".npy");
+    Reader reader{name + " " + file, {contents, is_text, !file.ends_with(".csv")}, answer_of_folder(read), file};
+    for (const auto& other : files) {
+      if (other.first != file) reader.beside.push_back(other);
     }
+    all.push_back(std::move(reader));
   }
+}
 
 }  // namespace
 
@@ -282,7 +283,6 @@ std::vector<Reader> readers() {
                  answer([](const fs::path& p) { return base::read_json(p); })});
   add_tables(all);
   add_measured_points(all);
-=======
   add_scans(all);
   add_aicon(all);
   all.push_back(

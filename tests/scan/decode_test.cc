@@ -262,6 +262,8 @@ TEST(Decode, WhatDoesNotBelongTogetherIsRefused) {
   EXPECT_THAT(attempt({0, 1, 2, 3, 4, 5, 6, 7, 8}), testing::HasSubstr("image 10 of the sequence is missing"));
   EXPECT_THAT(attempt({0, 1, 2, 3, 5, 4, 6, 7, 8, 9}), testing::HasSubstr("does not agree with the fringes"));
   EXPECT_THAT(attempt({0, 1, 2, 3, 4, 5, 9, 8, 7, 6}), testing::HasSubstr("does not agree with the fringes"));
+  EXPECT_THAT(attempt({0, 2, 1, 3, 4, 5, 6, 7, 8, 9}), testing::HasSubstr("is not where the phases go on"));
+  EXPECT_THAT(attempt({1, 0, 2, 3, 4, 5, 6, 7, 8, 9}), testing::HasSubstr("is not where the phases go on"));
   auto decoder = Decoder::make(sequence, scene.width, scene.height, {});
   EXPECT_THAT(decoder->add(0, base::Image(100, 100, 8)).error().message, testing::HasSubstr("100 x 100"));
 }
