@@ -68,8 +68,10 @@ struct DetectOptions {
 /// Pixels: (0, 0) is the centre of the first pixel. Valid domain: see DetectOptions; a ring is read where its segments are at
 /// least 2.5 px wide and it lies inside of the image, else it is kUnreadable; dots cut by the border are left out. Dots of
 /// up to a quarter of the image's shorter side are found, at any tilt that leaves them the smallest semi-minor axis. The centre is
-/// free of bias (below 0.005 px) for blurs up to half of the semi-minor axis of plain dots, and a quarter of coded ones; beyond,
-/// the ring's light in the gap may move it by up to 0.02 px. Its error is within 1.2 times the Cramer-Rao bound (formulation.md).
+/// free of bias (below 0.005 px) for blurs up to half of the semi-minor axis, of plain dots and of coded ones that are read. Its
+/// error is within 1.2 times the Cramer-Rao bound (formulation.md). Blurs beyond a third of the semi-minor axis hide what stands
+/// close by: a dot that does not stand alone is then kUnreadable, not kUncoded, and the centre of one that is not read may be off
+/// by up to 0.1 px.
 ///
 /// Errors: kUsage for invalid options, kBadInput for an image smaller than 8 x 8 or without data, kCancelled.
 /// Deterministic: the same image gives the same observations, `millis` aside.

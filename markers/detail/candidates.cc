@@ -20,6 +20,7 @@ constexpr double kMinReducedRadiusPx = 3.5;
 /// Largest semi-minor axis that is looked for where a coarser level follows; such dots fill the window of the mean.
 constexpr double kMaxLevelRadiusPx = 18.0;
 constexpr int kSmallestSidePx = 32;
+constexpr int kLeastMergedRange = 24;  ///< grey levels between dot and ground: fainter ones are not parted from their rings
 
 /// The samples in 8 bits: they themselves where they are.
 GreyPlane eight_bit(const base::ImageView& image, std::vector<std::uint8_t>& samples) {
@@ -82,22 +83,73 @@ struct Limits {
   double min_minor_px, max_minor_px, max_major_px, min_axis_ratio;
 };
 
-void add_candidates(const std::vector<std::uint64_t>& words, const GreyPlane& grey, bool bright, int level,
+/// Where the blur fills the gap, dot and ring make one region, or a dot one that is too large. Halfway between the darkest and the
+/// brightest pixel around it they are apart. Nothing where the region is not blurred that much, or too large for it.
+std::vector<Blob> apart_at_half_level(const Blob& blob, const GreyPlane& grey, bool bright, int min_range,
+                                      std::int64_t min_count) {
+  constexpr int kNarrowestPx = 9;
+  constexpr int kLargestSidePx = 64;  // with a pixel around it
+  constexpr double kSteepest = 0.5;   // of the range of levels: what neighbouring pixels of a blurred edge may differ by
+  const int left = blob.left - 1;
+  const int top = blob.top - 1;
+  const int width = blob.right - left + 2;
+  const int height = blob.bottom - top + 2;
+  if (width > kLargestSidePx || height > kLargestSidePx || width < kNarrowestPx) return {};
+  const LevelRange levels = level_range(grey.row(top) + left, grey.stride, width, height);
+  const int range = levels.brightest - levels.darkest;
+  if (levels.steepest > kSteepest * range || range < min_range) return {};
+  const int middle = (levels.darkest + levels.brightest) / 2;
+  std::array<std::uint64_t, kLargestSidePx> words{};
+  for (int y = 0; y < height; ++y) {
+    const std::uint8_t* const row = grey.row(top + y) + left;
+    std::uint64_t word = 0;
+    for (int x = 0; x < width; ++x) word |= static_cast<std::uint64_t>((row[x] > middle) == bright) << x;
+    words[static_cast<std::size_t>(y)] = word;
+  }
+  std::vector<Blob> parts = find_blobs(words.data(), width, height, min_count);
+  for (Blob& part : parts) {
+    const std::int64_t n = part.count;
+    part.xx += 2 * left * part.x + n * left * left;
+    part.yy += 2 * top * part.y + n * top * top;
+    part.xy += left * part.y + top * part.x + n * left * top;
+    part.x += n * left;
+    part.y += n * top;
+    part.left += left;
+    part.right += left;
+    part.top += top;
+    part.bottom += top;
+  }
+  return parts;
+}
+
+void add_candidates(const std::vector<std::uint64_t>& words, const GreyPlane& grey, bool bright, int level, int min_range,
                     const Limits& limits, std::vector<Candidate>& candidates) {
   const double min_area = std::numbers::pi * limits.min_minor_px * limits.min_minor_px;
   const double scale = std::exp2(level);
-  for (const Blob& blob : find_blobs(words.data(), grey.width, grey.height, static_cast<std::int64_t>(min_area))) {
-    if (blob.left == 0 || blob.top == 0 || blob.right + 1 == grey.width || blob.bottom + 1 == grey.height) continue;
+  constexpr std::int64_t kLeastMerged = 40;  // pixels of a dot and a ring that can be read
+  constexpr double kSmaller = 0.9;           // than the whole region, if it is to be another candidate
+  const auto add = [&](const Blob& blob, double max_minor_px) {
     auto ellipse = ellipse_of(blob);
-    if (!ellipse || ellipse->semi_minor_px < limits.min_minor_px || ellipse->semi_minor_px > limits.max_minor_px ||
+    if (!ellipse || ellipse->semi_minor_px < limits.min_minor_px || ellipse->semi_minor_px > max_minor_px ||
         ellipse->semi_major_px > limits.max_major_px ||
         ellipse->semi_minor_px < limits.min_axis_ratio * ellipse->semi_major_px) {
-      continue;
+      return 0.0;
     }
+    const double semi_minor_px = ellipse->semi_minor_px;
     ellipse->centre_px = (scale * (ellipse->centre_px.array() + 0.5) - 0.5).matrix();
     ellipse->semi_major_px *= scale;
     ellipse->semi_minor_px *= scale;
     candidates.push_back({*ellipse, bright, scale});
+    return semi_minor_px;
+  };
+  for (const Blob& blob : find_blobs(words.data(), grey.width, grey.height, static_cast<std::int64_t>(min_area))) {
+    if (blob.left == 0 || blob.top == 0 || blob.right + 1 == grey.width || blob.bottom + 1 == grey.height) continue;
+    const double semi_minor_px = add(blob, limits.max_minor_px);
+    if (blob.count < kLeastMerged) continue;
+    const double smaller_px = semi_minor_px > 0.0 ? kSmaller * semi_minor_px : limits.max_minor_px;
+    for (const Blob& part : apart_at_half_level(blob, grey, bright, min_range, static_cast<std::int64_t>(min_area))) {
+      add(part, smaller_px);
+    }
   }
 }
 
@@ -116,12 +168,13 @@ std::vector<Candidate> find_candidates(const base::ImageView& image, const Detec
     const Limits limits{level == 0 ? options.min_radius_px - 0.25 : kMinReducedRadiusPx, last ? 1e9 : kMaxLevelRadiusPx,
                         max_radius_px / scale + 1.0, 0.85 * options.min_axis_ratio};
     const int delta = static_cast<int>(std::lround(std::clamp(3.0 * noise / scale, 2.0, 12.0)));
+    const int min_range = std::max(4 * delta, kLeastMergedRange);
     const std::size_t words = words_per_row(grey.width) * static_cast<std::size_t>(grey.height);
     brighter.resize(words);
     darker.resize(words);
     compare_with_local_mean(grey, delta, brighter.data(), darker.data());
-    if (options.polarity != Polarity::kDarkDots) add_candidates(brighter, grey, true, level, limits, candidates);
-    if (options.polarity != Polarity::kBrightDots) add_candidates(darker, grey, false, level, limits, candidates);
+    if (options.polarity != Polarity::kDarkDots) add_candidates(brighter, grey, true, level, min_range, limits, candidates);
+    if (options.polarity != Polarity::kBrightDots) add_candidates(darker, grey, false, level, min_range, limits, candidates);
     if (last) break;
     const int width = grey.width / 2;
     const int height = grey.height / 2;

@@ -10,6 +10,8 @@
 #include "markers/detail/dot_kernel.h"
 #include "markers/detail/dot_noise.h"
 #include "markers/detail/dot_pixels.h"
+#include "markers/detail/edge_harmonics.h"
+#include "markers/detail/light_prior.h"
 #include "markers/detail/small_cholesky.h"
 
 namespace crosstie::markers::detail {
@@ -19,10 +21,7 @@ namespace {
 enum Parameter : std::size_t { kCx, kCy, kAxx, kAxy, kAyy, kBlur, kO, kOx, kOy, kI, kIx, kIy };
 using State = Eigen::Matrix<double, kDotColumns, 1>;
 
-constexpr double kSmallestBlurPx = 0.28;     // a pixel alone integrates over a box of this standard deviation
-constexpr double kLightSlopeSigma = 0.05;    // a priori: relative change of the light per dot radius,
-constexpr double kUnknownSlopeSigma = 0.02;  // the same where one of the levels is saturated
-constexpr double kOtherSlopeSigma = 0.003;   // and change of a level by other causes, of the contrast
+constexpr double kSmallestBlurPx = 0.28;  // a pixel alone integrates over a box of this standard deviation
 constexpr double kRoughlyConvergedPx = 0.1;
 constexpr double kConvergedPx = 1e-3;      // what remains after the last step, judged by how steps shrink,
 constexpr double kConvergedSigmas = 0.05;  // and the same in standard deviations of the centre: one of both is enough
@@ -277,27 +276,16 @@ std::optional<Ellipse> ellipse_of(const State& s, const PixelSet& pixels) {
   return Ellipse::from_shape(pixels.origin_px + pixels.radius_px * s.head<2>(), shape / std::pow(pixels.radius_px, 2));
 }
 
-/// Power and largest amplitude of the harmonics 3..5 from the normal equations extended by them; false where they are singular.
-/// With N = L D L' and y = L^-1 b, the amplitudes are L_hh'^-1 D_h^-1 y_h, and their power y_h' D_h^-1 y_h.
+/// Power and amplitude from the normal equations extended by the harmonics; false where they are singular.
 bool judge_edge(const DotSums& sums, const Prior& prior, const State& state, double radius_px, DotFit& fit) {
   std::array<double, kAllColumns * kAllColumns> n;
   std::array<double, kAllColumns> b;
   normal_equations<kAllColumns>(sums, prior, state, n, b);
   const SmallCholesky<kAllColumns> root(n);
   if (!root.definite()) return false;
-  const auto y = root.forward(b);
-  std::array<double, kEdgeHarmonics> amplitudes;
-  double power = 0.0;
-  for (std::size_t k = kEdgeHarmonics; k-- > 0;) {
-    const std::size_t row = kDotColumns + k;
-    amplitudes[k] = y[row] / root.pivot(row);
-    power += y[row] * amplitudes[k];
-    for (std::size_t i = k + 1; i < kEdgeHarmonics; ++i) amplitudes[k] -= root.factor(kDotColumns + i, row) * amplitudes[i];
-  }
-  fit.harmonic_power = power / kEdgeHarmonics;
-  for (std::size_t h = 0; h < kEdgeHarmonics; h += 2) {
-    fit.deviation_px = std::max(fit.deviation_px, radius_px * std::hypot(amplitudes[h], amplitudes[h + 1]));
-  }
+  const EdgeHarmonics harmonics = edge_harmonics(root, b);
+  fit.harmonic_power = harmonics.power;
+  fit.deviation_px = radius_px * harmonics.amplitude;
   fit.outlier_fraction = sums.edge > 0.0 ? sums.edge_lost / sums.edge : 1.0;
   return true;
 }

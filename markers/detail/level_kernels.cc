@@ -1,6 +1,7 @@
 #include "markers/detail/level_kernels.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <vector>
 
@@ -139,6 +140,39 @@ LevelCounts Count16(const std::uint16_t* samples, int count, std::uint16_t high,
   return Count(samples, count, high, low);
 }
 
+/// Levels of the first `count` columns, and their differences to the right and upwards; the last vector may overlap the one before.
+template <std::size_t kLanes>
+HWY_INLINE LevelRange RangeOf(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t count, int height) {
+  const hn::CappedTag<std::uint8_t, kLanes> d;
+  const std::size_t lanes = hn::Lanes(d);
+  auto low = hn::Set(d, 255);
+  auto high = hn::Zero(d);
+  auto steps = hn::Zero(d);
+  const auto step = [](auto a, auto b) { return hn::Or(hn::SaturatedSub(a, b), hn::SaturatedSub(b, a)); };
+  for (int y = 0; y < height; ++y) {
+    const std::uint8_t* const row = first + y * stride;
+    const std::uint8_t* const above = y > 0 ? row - stride : row;
+    for (std::size_t x = 0;; x += lanes) {
+      if (x + lanes > count) x = count - lanes;
+      const auto level = hn::LoadU(d, row + x);
+      low = hn::Min(low, level);
+      high = hn::Max(high, level);
+      steps = hn::Max(steps, hn::Max(step(level, hn::LoadU(d, row + x + 1)), step(level, hn::LoadU(d, above + x))));
+      if (x + lanes == count) break;
+    }
+  }
+  HWY_ALIGN std::uint8_t values[3 * kLanes];
+  hn::StoreU(low, d, values);
+  hn::StoreU(high, d, values + lanes);
+  hn::StoreU(steps, d, values + 2 * lanes);
+  return {*std::min_element(values, values + lanes), *std::max_element(values + lanes, values + 2 * lanes),
+          *std::max_element(values + 2 * lanes, values + 3 * lanes)};
+}
+
+LevelRange Range(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t count, int height) {
+  return count < 16 ? RangeOf<8>(first, stride, count, height) : RangeOf<16>(first, stride, count, height);
+}
+
 }  // namespace crosstie::markers::detail::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -150,6 +184,7 @@ HWY_EXPORT(CompareRow);
 HWY_EXPORT(HalveRow);
 HWY_EXPORT(Count8);
 HWY_EXPORT(Count16);
+HWY_EXPORT(Range);
 
 void compare_with_local_mean(const GreyPlane& grey, int delta, std::uint64_t* brighter, std::uint64_t* darker) {
   constexpr int kHalf = kMeanWindowPx / 2;
@@ -198,6 +233,18 @@ LevelCounts count_levels(const std::uint8_t* samples, int count, std::uint8_t hi
 }
 LevelCounts count_levels(const std::uint16_t* samples, int count, std::uint16_t high, std::uint16_t low) {
   return HWY_DYNAMIC_DISPATCH(Count16)(samples, count, high, low);
+}
+
+LevelRange level_range(const std::uint8_t* first, std::ptrdiff_t stride, int width, int height) {
+  // The last column is its neighbour's.
+  LevelRange range = HWY_DYNAMIC_DISPATCH(Range)(first, stride, static_cast<std::size_t>(width) - 1, height);
+  for (int y = 0; y < height; ++y) {
+    const std::uint8_t* const last = first + y * stride + width - 1;
+    range.darkest = std::min<int>(range.darkest, *last);
+    range.brightest = std::max<int>(range.brightest, *last);
+    if (y > 0) range.steepest = std::max(range.steepest, std::abs(*last - *(last - stride)));
+  }
+  return range;
 }
 
 }  // namespace crosstie::markers::detail

@@ -41,4 +41,14 @@ struct LevelCounts {
 [[nodiscard]] LevelCounts count_levels(const std::uint8_t* samples, int count, std::uint8_t high, std::uint8_t low);
 [[nodiscard]] LevelCounts count_levels(const std::uint16_t* samples, int count, std::uint16_t high, std::uint16_t low);
 
+/// The levels of a box of pixels.
+struct LevelRange {
+  int darkest = 255;
+  int brightest = 0;
+  int steepest = 0;  ///< largest difference between neighbours in a row or a column
+};
+
+/// Of the `width` x `height` samples from `first` on, rows `stride` apart; at least 9 columns.
+[[nodiscard]] LevelRange level_range(const std::uint8_t* first, std::ptrdiff_t stride, int width, int height);
+
 }  // namespace crosstie::markers::detail

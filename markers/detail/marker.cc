@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "markers/detail/quick_look.h"
+#include "markers/detail/whole_fit.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -18,15 +19,19 @@ constexpr double kMaxBlur = 0.6;          // over the semi-minor axis
 constexpr double kMaxDeviation = 0.03;    // amplitude of the harmonics 3..5 over the semi-minor axis,
 constexpr double kMaxDeviationPx = 0.08;  // in addition
 constexpr double kSharp = 0.12;    // blur over the semi-minor axis, up to which nothing is gained from the gap's outer part
-constexpr double kBlurred = 0.15;  // blur over the semi-minor axis, from which on the ring's light matters much
+constexpr double kBlurred = 0.15;  // the same from which on the ring's light matters much
+constexpr double kMixed = 0.19;    // the same, or over the gap where that is narrower, for dot and ring to be fitted together
+constexpr double kMuchBlurred = 0.35;  // blur over the semi-minor axis from which on something close by is not told from a ring
 // What a ring must be like.
 constexpr double kMaxBrightGap = 0.10;    // of the gap's circumference
 constexpr double kMaxBrightQuiet = 0.25;  // of the quiet zone's circumference
 constexpr double kPlainRange = 0.35;      // of the contrast: below it there is no ring
 constexpr double kMinGridQuality = 0.25;
 constexpr double kMinRingContrast = 0.4;
-constexpr double kMaxMisfit = 0.4;     // of the contrast
-constexpr double kMinSegmentPx = 2.5;  // smallest width of a segment that is read
+constexpr double kMaxMisfit = 0.4;         // of the contrast
+constexpr double kMaxSegmentMisfit = 0.2;  // the same of whole segments
+constexpr double kMinSegmentPx = 2.5;      // smallest width of a segment that is read,
+constexpr double kRoughly = 0.9;           // of it before ring and dot were fitted together
 
 bool is_dot(const DotFit& fit, const Candidate& candidate, const ImageView& image, const DetectOptions& options) {
   const double contrast = fit.inner_level - fit.outer_level;
@@ -45,30 +50,37 @@ double narrowest_segment_px(const MarkerFamily& family, const DotFit& dot) {
   return std::min(along, family.ring_outer - family.ring_inner) * dot.ellipse.semi_minor_px;
 }
 
-void judge_ring(const MarkerFamily& family, const DetectOptions& options, Marker& marker) {
+void judge_ring(const MarkerFamily& family, const DetectOptions& options, double min_segment_px, Marker& marker) {
   const RingReading& ring = marker.ring;
+  marker.id = base::kNoId;
   if (ring.cut) {
     marker.status = ObservationStatus::kUnreadable;
     return;
   }
   if (ring.range < kPlainRange || ring.grid_quality < kMinGridQuality || ring.contrast < kMinRingContrast) {
-    marker.status = ObservationStatus::kUncoded;
+    const bool told = marker.dot.blur_px < kMuchBlurred * marker.dot.ellipse.semi_minor_px;
+    marker.status = told ? ObservationStatus::kUncoded : ObservationStatus::kUnreadable;
     marker.ring.margin = 0.0;
     return;
   }
   const std::optional<int> id = family.id_of_ring(ring.ring);
-  if (!id || narrowest_segment_px(family, marker.dot) < kMinSegmentPx) {
+  if (!id || narrowest_segment_px(family, marker.dot) < min_segment_px) {
     marker.status = ObservationStatus::kUnreadable;
     return;
   }
   marker.id = *id;
-  if (ring.margin < options.min_margin || ring.bright_quiet > kMaxBrightQuiet || ring.misfit > kMaxMisfit || ring.hidden) {
+  if (ring.margin < options.min_margin || ring.bright_quiet > kMaxBrightQuiet || ring.misfit > kMaxMisfit ||
+      ring.segment_misfit > kMaxSegmentMisfit || ring.hidden) {
     marker.status = ObservationStatus::kAmbiguous;
   } else if (!options.ids.empty() && std::find(options.ids.begin(), options.ids.end(), *id) == options.ids.end()) {
     marker.status = ObservationStatus::kRefused;
   } else {
     marker.status = ObservationStatus::kCoded;
   }
+}
+
+bool read_in_full(const Marker& marker) {
+  return marker.status == ObservationStatus::kCoded || marker.status == ObservationStatus::kRefused;
 }
 
 /// Better findings first: read ones by their margin, then the others by how well an ellipse fits.
@@ -87,10 +99,6 @@ bool better(const Marker& a, const Marker& b) {
   if (rank(a) != rank(b)) return rank(a) < rank(b);
   const auto misfit = [](const Marker& m) { return m.dot.residual / std::abs(m.dot.inner_level - m.dot.outer_level); };
   return misfit(a) < misfit(b);
-}
-
-bool read_in_full(const Marker& marker) {
-  return marker.status == ObservationStatus::kCoded || marker.status == ObservationStatus::kRefused;
 }
 
 }  // namespace
@@ -116,20 +124,31 @@ std::optional<Marker> measure_marker(const Sampler& image, const Candidate& cand
   }
   marker.ring = read_ring(image, family, *fit);
   if (marker.ring.bright_gap > kMaxBrightGap) return std::nullopt;
-  judge_ring(family, options, marker);
-  if (marker.status != ObservationStatus::kUncoded && !marker.ring.cut) {
+  judge_ring(family, options, kRoughly * kMinSegmentPx, marker);
+  if (marker.status == ObservationStatus::kUncoded || marker.ring.cut) return marker;
+  const auto take = [&](const std::optional<DotFit>& refined) {
+    const bool taken = refined && is_dot(*refined, candidate, image.image(), options);
+    if (taken) marker.dot = *refined;
+    return taken;
+  };
+  const ReadRing ring{fit->ellipse, marker.ring.first_rad, marker.ring.ring};
+  bool together = false;
+  const double gap_px = std::min(family.ring_inner - 1.0, 1.0) * fit->ellipse.semi_minor_px;
+  if (read_in_full(marker) && fit->blur_px > kMixed * gap_px) {
+    const std::optional<WholeFit> whole = fit_whole_marker(image, *fit, ring, family, fit_options);
+    if (whole) marker.ring.segment_misfit = whole->misfit;
+    together = whole && whole->misfit <= kMaxSegmentMisfit && take(whole->dot);
+  }
+  if (!together) {
     // Where the blur is large, the dot is known well enough to take the ring's light off only after that was done once.
     const int passes = fit->blur_px < kBlurred * fit->ellipse.semi_minor_px ? 1 : 3;
     for (int pass = 0; pass < passes; ++pass) {
       const std::optional<RingLight> light = RingLight::of(image, marker.dot, family, fit_options.saturated_level);
       fit_options.ring = light ? &*light : nullptr;
-      const std::optional<DotFit> refined = light ? refine_dot(image, marker.dot, fit_options) : std::nullopt;
-      if (!refined || !is_dot(*refined, candidate, image.image(), options)) break;
-      marker.dot = *refined;
+      if (!light || !take(refine_dot(image, marker.dot, fit_options))) break;
     }
-    marker.id = base::kNoId;
-    judge_ring(family, options, marker);  // the sizes that it asks for are known better now
   }
+  judge_ring(family, options, kMinSegmentPx, marker);  // the sizes that it asks for are known better now
   return marker;
 }
 

@@ -152,6 +152,7 @@ RingReading read_ring(const Sampler& image, const MarkerFamily& family, const Do
   reading.range = *largest - *smallest;
   const auto [phase, quality] = grid_phase(ring);
   reading.grid_quality = quality;
+  reading.first_rad = 2.0 * std::numbers::pi * phase / count;
   const std::vector<double> means = segment_means(ring, family.bits, phase);
   classify(means, reading);
 

@@ -11,6 +11,7 @@ namespace crosstie::markers::detail {
 /// What stands around a dot. Values are normalised: 0 = the level of the gap in that direction, 1 = that of the dot.
 struct RingReading {
   std::uint64_t ring = 0;     ///< the segments clockwise from an arbitrary one, first in the most significant bit
+  double first_rad = 0.0;     ///< where that segment begins on the unit circle of the dot's ellipse
   double margin = 0.0;        ///< of the worst segment: 0 at the decision level, 1 at the mean of its class
   double contrast = 0.0;      ///< between the segments read as 1 and those read as 0
   double grid_quality = 0.0;  ///< 1: all transitions lie on the grid of segments; near 0: they lie anywhere
@@ -19,6 +20,7 @@ struct RingReading {
   double bright_quiet = 0.0;  ///< the same of the quiet zone
   // Both only of rings that are codes.
   double misfit = 0.0;  ///< largest mean deviation of a part of a segment from what code and blur predict, over the contrast
+  double segment_misfit = 0.0;  ///< the same of whole segments from the fit of the whole marker; 0 where there was none
   bool hidden = false;  ///< something seems to lie over a segment: the border beyond a 0 is missing, a 1 has no quiet zone
   bool cut = false;     ///< the ring reaches beyond the image
 };

@@ -12,6 +12,7 @@
 #include <hwy/targets.h>
 
 #include "markers/detail/blobs.h"
+#include "markers/detail/cover_image.h"
 #include "markers/detail/dot_kernel.h"
 #include "markers/detail/edge_profile.h"
 #include "markers/detail/level_kernels.h"
@@ -128,7 +129,80 @@ TEST_F(Kernels, HalveAndCountExactly) {
     const LevelCounts deep_counts = count_levels(deep.data(), 77, std::uint16_t{40000}, std::uint16_t{1600});
     EXPECT_EQ(deep_counts.high, 27);
     EXPECT_EQ(deep_counts.low, 3);
+    for (const int width : {9, 10, 16, 17, 18, 40, 64}) {
+      int darkest = 255, brightest = 0, steepest = 0;
+      for (int y = 5; y < 25; ++y) {
+        for (int x = 3; x < 3 + width; ++x) {
+          darkest = std::min(darkest, image.at(x, y));
+          brightest = std::max(brightest, image.at(x, y));
+          if (x > 3) steepest = std::max(steepest, std::abs(image.at(x, y) - image.at(x - 1, y)));
+          if (y > 5) steepest = std::max(steepest, std::abs(image.at(x, y) - image.at(x, y - 1)));
+        }
+      }
+      const LevelRange range = level_range(image.samples.data() + 5 * image.stride + 3, image.stride, width, 20);
+      EXPECT_EQ(range.darkest, darkest) << width;
+      EXPECT_EQ(range.brightest, brightest) << width;
+      EXPECT_EQ(range.steepest, steepest) << width;
+    }
   });
+}
+
+/// A disc through the blur against sums over fine samples, with the derivatives.
+TEST_F(Kernels, CoverThroughTheBlurIsTheIntegral) {
+  constexpr double kRadius = 3.3;
+  const Eigen::Vector2d centre(10.4, 9.7);
+  for (const double blur_px : {0.6, 1.25}) {
+    const auto exact = [&](double x, double y) {
+      double sum = 0.0;
+      // Rows at v = R sin t, so that chords shrink smoothly.
+      constexpr int kRows = 400;
+      constexpr double kTurn = std::numbers::pi / kRows;
+      for (int k = 0; k < kRows; ++k) {
+        const double t0 = -0.5 * std::numbers::pi + (k + 0.5) * kTurn;
+        const double v = kRadius * std::sin(t0);
+        const double half = kRadius * std::cos(t0);
+        const auto below = [&](double t) { return 0.5 * std::erfc(-t / (blur_px * std::numbers::sqrt2)); };
+        const double dy = (y - centre.y() - v) / blur_px;
+        sum += kTurn * half * std::exp(-0.5 * dy * dy) / (blur_px * std::sqrt(2.0 * std::numbers::pi)) *
+               (below(x - centre.x() + half) - below(x - centre.x() - half));
+      }
+      return sum;
+    };
+    std::vector<Eigen::Vector2d> corners;
+    constexpr int kCorners = 720;
+    for (int k = 0; k < kCorners; ++k) {
+      const double phi = 2.0 * std::numbers::pi * k / kCorners;
+      corners.emplace_back(centre + kRadius * Eigen::Vector2d(std::cos(phi), std::sin(phi)));
+    }
+    for_each_target([&] {
+      CoverImage cover({2, 3, 17, 15}, blur_px);
+      cover.add(corners);
+      const BlurredCover blurred = cover.blurred();
+      // All of the disc's light, in its place.
+      Eigen::Vector3d moments(0.0, 0.0, 0.0);
+      for (int y = 3; y < 18; ++y) {
+        for (int x = 2; x < 19; ++x) {
+          moments += static_cast<double>(blurred.value[*blurred.index(x, y)]) * Eigen::Vector3d(1.0, x, y);
+        }
+      }
+      EXPECT_NEAR(moments[0], std::numbers::pi * kRadius * kRadius, 0.01);
+      EXPECT_LT((moments.tail<2>() / moments[0] - centre).norm(), 5e-4);
+      EXPECT_FALSE(blurred.index(1, 5) || blurred.index(19, 5) || blurred.index(5, 18));
+      for (int y = 3; y < 18; ++y) {
+        for (int x = 2; x < 19; ++x) {
+          const auto k = blurred.index(x, y);
+          ASSERT_TRUE(k);
+          constexpr double kStep = 0.01;
+          const auto at = [&](double dx, double dy) { return exact(x + kStep * dx, y + kStep * dy); };
+          EXPECT_NEAR(static_cast<double>(blurred.value[*k]), at(0, 0), 3e-3);
+          EXPECT_NEAR(static_cast<double>(blurred.x[*k]), (at(1, 0) - at(-1, 0)) / (2.0 * kStep), 6e-3);
+          EXPECT_NEAR(static_cast<double>(blurred.y[*k]), (at(0, 1) - at(0, -1)) / (2.0 * kStep), 6e-3);
+          EXPECT_NEAR(static_cast<double>(blurred.xy[*k]),
+                      (at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)) / (4.0 * kStep * kStep), 8e-3);
+        }
+      }
+    });
+  }
 }
 
 /// The model of dot_fit.h in double precision; the set-back of the edge can be given, as it is constant in the derivatives.
