@@ -21,6 +21,7 @@
 #include "base/sphere_list.h"
 #include "base/table.h"
 #include "calib/corners.h"
+#include "fixtures/scene.h"
 #include "tests/base/colmap_scene.h"
 #include "tests/base/image_samples.h"
 #include "tests/support/synthetic_calibration.h"
@@ -32,6 +33,38 @@ namespace {
 
 namespace fs = std::filesystem;
 using Files = std::vector<std::pair<std::string, std::string>>;
+
+const std::string kScene = R"(format = "crosstie-scene/1"
+name = "portal"
+[[camera]]
+name = "left"
+size_px = [640, 480]
+parameters = [601.25, 600, 319.5, 239.5, -0.1, 0.05, 0, 0, 0]
+[[camera]]
+name = "right"
+size_px = [640, 480]
+parameters = [600, 600, 319.5, 239.5, -0.1, 0.05, 0, 0, 0]
+[[body]]
+name = "cross"
+[[body.ball]]
+id = 1
+centre_mm = [50, 0, 20]
+diameter_mm = 20
+[head]
+right_position_mm = [200, 0, 30]
+[board]
+corners = [9, 6]
+pitch_mm = 20
+sigma_mm = 0.02
+poses = 2
+[cross]
+body = "cross"
+[machine]
+rig_position_mm = [0, 0, 600]
+[[station]]
+name = "x100"
+axis_mm = 100
+)";
 
 /// A reader of one file as what went wrong with it.
 template <typename Read>
@@ -329,6 +362,9 @@ std::vector<Reader> readers() {
     };
     add_folder(all, name, files_of(write), [](const fs::path& folder) { return base::read_colmap_model(folder); });
   }
+  all.push_back({"scene of the twin", {kScene, true, false, "601.25"}, answer([](const fs::path& p) {
+                   return fixtures::read_scene(p);
+                 })});
   return all;
 }
 
