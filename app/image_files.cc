@@ -66,6 +66,19 @@ std::string wildcard_text(std::string_view name, std::string_view pattern) {
   return text;
 }
 
+Result<std::pair<std::string, std::string>> named_pattern(const std::string& option, const std::string& word) {
+  const std::size_t equals = word.find('=');
+  const std::string name = word.substr(0, equals);
+  const bool plain =
+      !name.empty() &&
+      name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") == std::string::npos;
+  if (equals == std::string::npos || !plain || equals + 1 == word.size()) {
+    return base::fail(ErrorCode::kUsage,
+                      fmt::format("{} takes NAME='PATTERN' (NAME of letters, digits, _ and -), not '{}'", option, word));
+  }
+  return std::pair{name, word.substr(equals + 1)};
+}
+
 Result<std::vector<fs::path>> match_files(const fs::path& pattern) {
   const fs::path folder = pattern.has_parent_path() ? pattern.parent_path() : fs::path(".");
   const std::string name = pattern.filename().string();

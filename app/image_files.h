@@ -22,6 +22,9 @@ base::Result<std::vector<std::filesystem::path>> match_files(const std::filesyst
 /// Names the files; sorted by name. The same file twice is a kBadInput Error.
 base::Result<std::vector<ImageFile>> name_images(std::vector<ImageFile> files);
 
+/// NAME='PATTERN', the value of `option`: the name of a camera and the pattern of its files. A kUsage Error for anything else.
+base::Result<std::pair<std::string, std::string>> named_pattern(const std::string& option, const std::string& word);
+
 /// What the `*` and `?` of a file pattern stand for in a file that fits it, each `*` taking as little as it can.
 std::string wildcard_text(std::string_view name, std::string_view pattern);
 

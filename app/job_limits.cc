@@ -8,8 +8,8 @@ void read_limits(const JobTable& root, Job& job) {
   const auto table = root.table("limits");
   if (!table) return;
   table->check_keys("limits", {"sigma0_px", "scale_bar_w", "control_w", "heldout_rms_px", "halves_ratio", "area_not_covered",
-                               "prior_ratio", "sphere_w", "rig_change_w", "frame_u_mm", "baseline_sigma_mm", "point_sigma_mm", "deviation_rms_mm", "deviation_max_mm",
-                               "length_mpe_a_mm", "length_mpe_k"});
+                               "prior_ratio", "sphere_w", "rig_change_w", "frame_u_mm", "baseline_sigma_mm", "point_sigma_mm",
+                               "deviation_rms_mm", "deviation_max_mm", "length_mpe_a_mm", "length_mpe_k"});
   JobLimits& limits = job.limits;
   table->number("sigma0_px", limits.sigma0_px);
   table->number("scale_bar_w", limits.scale_bar_w);

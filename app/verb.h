@@ -54,6 +54,7 @@ struct Verb {
 [[nodiscard]] const std::vector<Verb>& verbs();
 
 Verb init_verb();
+Verb calibrate_verb();
 Verb detect_verb();
 Verb adjust_verb();
 Verb patterns_verb();

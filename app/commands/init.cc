@@ -42,19 +42,6 @@ struct Wishes {
   std::optional<double> dot_diameter_mm;
 };
 
-Result<std::pair<std::string, std::string>> camera_of(const std::string& word) {
-  const std::size_t equals = word.find('=');
-  const std::string name = word.substr(0, equals);
-  const bool plain =
-      !name.empty() &&
-      name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") == std::string::npos;
-  if (equals == std::string::npos || !plain || equals + 1 == word.size()) {
-    return base::fail(ErrorCode::kUsage,
-                      fmt::format("--camera takes NAME='PATTERN' (NAME of letters, digits, _ and -), not '{}'", word));
-  }
-  return std::pair{name, word.substr(equals + 1)};
-}
-
 Result<> read_numbers(const Arguments& arguments, Wishes& wishes) {
   for (const auto& [name, value] :
        {std::pair{"--focal-mm", &wishes.focal_mm}, std::pair{"--sensor-width-mm", &wishes.sensor_width_mm},
@@ -78,7 +65,7 @@ Result<Wishes> wishes_of(const Arguments& arguments) {
   const auto family = markers::marker_family(wishes.family);
   if (!family) return tl::unexpected(family.error());
   for (const std::string& word : arguments.all("--camera")) {
-    auto camera = camera_of(word);
+    auto camera = named_pattern("--camera", word);
     if (!camera) return base::fail(std::move(camera));
     wishes.cameras.push_back(std::move(*camera));
   }

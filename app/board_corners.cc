@@ -1,0 +1,143 @@
+// images -> corners of the board
+
+#include <algorithm>
+#include <set>
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include "app/steps_calibrate.h"
+#include "base/image.h"
+#include "base/parallel.h"
+#include "calib/corners.h"
+#include "markers/family.h"
+#include "markers/tags.h"
+
+namespace crosstie::app {
+namespace {
+
+using base::BoardImage;
+using base::ErrorCode;
+using base::Result;
+
+/// The corners of a file, each image to the camera whose pattern its name fits.
+Result<FoundCorners> corners_of_file(const CalibrationTask& task) {
+  const auto all = calib::read_vnl(*task.corners);
+  if (!all) return tl::unexpected(all.error());
+  FoundCorners found{task.corners->filename().string(), {}};
+  std::set<std::string> taken;
+  for (const auto& [camera, pattern] : task.corner_patterns) {
+    std::vector<calib::VnlImage> of_camera;
+    for (const calib::VnlImage& image : *all) {
+      if (!fits_pattern(image.image, pattern)) continue;
+      if (!taken.insert(image.image).second) {
+        return base::fail(ErrorCode::kUsage, fmt::format("{}: the image {} fits the patterns of two cameras",
+                                                         task.corners->string(), image.image));
+      }
+      of_camera.push_back(image);
+    }
+    if (of_camera.empty()) {
+      return base::fail(ErrorCode::kBadInput,
+                        fmt::format("{}: no image fits '{}' of camera {}", task.corners->string(), pattern, camera));
+    }
+    auto images = calib::board_images(of_camera, task.board.board, camera, task.width_px, task.height_px);
+    if (!images) return base::fail(images.error().code, fmt::format("{}: {}", task.corners->string(), images.error().message));
+    std::move(images->begin(), images->end(), std::back_inserter(found.images));
+  }
+  return found;
+}
+
+Result<FoundCorners> corners_of_tags(const CalibrationTask& task, Session& session) {
+  const auto family = markers::marker_family(task.board.family);
+  if (!family) return tl::unexpected(family.error());
+  if (!family->tag) {
+    return base::fail(
+        ErrorCode::kBadInput,
+        fmt::format("an AprilGrid is made of tags, and {} has none; such as apriltag:tag36h11", task.board.family));
+  }
+  FoundCorners found{"tags", std::vector<BoardImage>(task.images.size())};
+  const auto done =
+      base::parallel_for(task.images.size(), session.threads(), "tags", session.progress(), [&](std::size_t i) -> Result<> {
+        const ImageFile& file = task.images[i];
+        const auto image = base::read_image(file.path);
+        if (!image) return tl::unexpected(image.error());
+        const auto tags = markers::detect_tags(image->view(), *family);
+        if (!tags) return base::fail(tags.error().code, fmt::format("{}: {}", file.path.string(), tags.error().message));
+        std::vector<calib::TagInImage> read;
+        for (const markers::TagObservation& tag : *tags) {
+          if (tag.status != base::ObservationStatus::kCoded) continue;
+          read.push_back({tag.id, tag.corners_px, std::sqrt(tag.corners_cov_px2.trace() / 8.0)});
+        }
+        found.images[i] = {file.name, file.camera, image->width(), image->height(), calib::tag_corners(task.board.board, read)};
+        return {};
+      });
+  if (!done) return tl::unexpected(done.error());
+  return found;
+}
+
+Result<FoundCorners> corners_of_board(const CalibrationTask& task, calib::Detector detector, const char* name,
+                                      const base::Board& board, Session& session) {
+  std::vector<calib::BoardPhoto> photos;
+  for (const ImageFile& file : task.images) photos.push_back({file.name, file.camera, file.path});
+  auto images = calib::find_corners(photos, board, detector, session.threads(), session.progress());
+  if (!images) return base::fail(std::move(images));
+  return FoundCorners{name, std::move(*images)};
+}
+
+/// Why nothing was found; a board of one corner less in either direction tells that squares were counted.
+tl::unexpected<base::Error> not_found(const CalibrationTask& task, Session& session) {
+  const base::Board& board = task.board.board;
+  std::string hint = "corners counts the inner corners of a chessboard or the dots of a grid, columns first";
+  base::Board smaller = board;
+  --smaller.columns;
+  --smaller.rows;
+  if (board.pattern == base::BoardPattern::kChessboard && smaller.columns > 2 && smaller.rows > 2) {
+    const auto found = corners_of_board(task, calib::Detector::kClassic, "", smaller, session);
+    if (found && found->images_with_board() > 0) {
+      hint = fmt::format("a board of {} x {} is: corners counts inner corners, one fewer than squares", smaller.columns,
+                         smaller.rows);
+    }
+  }
+  return base::fail(ErrorCode::kBadInput,
+                    fmt::format("a {} of {} x {} was found in none of the {} images; {}", base::pattern_name(board.pattern),
+                                board.columns, board.rows, task.images.size(), hint));
+}
+
+}  // namespace
+
+int FoundCorners::images_with_board() const {
+  return static_cast<int>(
+      std::count_if(images.begin(), images.end(), [](const BoardImage& image) { return !image.corners.empty(); }));
+}
+
+Result<std::vector<FoundCorners>> find_board(const CalibrationTask& task, Session& session) {
+  std::vector<FoundCorners> found;
+  const auto add = [&found](Result<FoundCorners> corners) -> Result<> {
+    if (!corners) return tl::unexpected(corners.error());
+    found.push_back(std::move(*corners));
+    return {};
+  };
+  const base::Board& board = task.board.board;
+  Result<> done;
+  if (task.corners) {
+    done = add(corners_of_file(task));
+  } else if (board.pattern == base::BoardPattern::kAprilGrid) {
+    done = add(corners_of_tags(task, session));
+  } else if (board.pattern != base::BoardPattern::kChessboard) {
+    done = add(corners_of_board(task, calib::Detector::kClassic, "circles", board, session));
+  } else {
+    for (const auto& [name, detector] :
+         {std::pair{"classic", calib::Detector::kClassic}, std::pair{"sb", calib::Detector::kSectors}}) {
+      if (task.board.detector != "auto" && task.board.detector != name) continue;
+      done = add(corners_of_board(task, detector, name, board, session));
+      if (!done) break;
+    }
+  }
+  if (!done) return tl::unexpected(done.error());
+  std::stable_sort(found.begin(), found.end(),
+                   [](const FoundCorners& a, const FoundCorners& b) { return a.images_with_board() > b.images_with_board(); });
+  if (found.front().images_with_board() == 0 && !task.images.empty()) return not_found(task, session);
+  return found;
+}
+
+}  // namespace crosstie::app

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <string>
+
+#include "base/calibration.h"
+#include "report/context.h"
+
+namespace crosstie::report {
+
+/// The whole report of a calibration as one HTML file that needs nothing else: verdict, key figures, what was photographed, residuals
+/// and coverage of each camera, lens parameters, rig, board, how well views are predicted that took no part, lens models,
+/// detectors, another program's answer, what was left out.
+std::string calibration_report(const base::Calibration& calibration, const ReportContext& context);
+
+}  // namespace crosstie::report
