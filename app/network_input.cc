@@ -12,6 +12,7 @@
 #include "app/current.h"
 #include "app/detected_images.h"
 #include "app/steps.h"
+#include "base/calibration_reader.h"
 #include "base/camera_file.h"
 #include "base/file.h"
 #include "base/image.h"
@@ -78,15 +79,30 @@ Result<> know_sigmas(const Job& job, const std::string& name, const JobCamera& s
   return {};
 }
 
+/// A camera as the board calibrated it, with its covariance as what is known beforehand.
+Result<base::Camera> calibrated_camera(const Job& job, const std::string& name, const fs::path& calibration) {
+  const auto read = base::read_calibration(calibration);
+  if (!read) {
+    return bad_job(job, fmt::format("camera {} is calibrated by its board_images, but there is no such result yet; `crosstie "
+                                    "calibrate` or `crosstie run` makes it ({})",
+                                    name, read.error().message));
+  }
+  for (const base::CalibratedCamera& one : read->cameras) {
+    if (one.name == name) return one.camera;
+  }
+  return bad_job(job, fmt::format("{}: that calibration has no camera {}; calibrate again", calibration.string(), name));
+}
+
 Result<base::NetworkCamera> start_camera(const Job& job, const std::string& name, int width_px, int height_px,
-                                         const fs::path& photograph) {
+                                         const fs::path& photograph, const fs::path& calibration) {
   const JobCamera& settings = job.cameras.at(name);
   const auto with_knowledge = [&](base::Camera camera, bool estimate) -> Result<base::NetworkCamera> {
     if (auto known = know_sigmas(job, name, settings, camera); !known) return base::fail(std::move(known));
     return base::NetworkCamera{name, std::move(camera), estimate, settings.fixed};
   };
-  if (settings.model) {
-    auto camera = model_of_camera(job.resolve(*settings.model), name);
+  if (settings.model || settings.board_images) {
+    auto camera =
+        settings.model ? model_of_camera(job.resolve(*settings.model), name) : calibrated_camera(job, name, calibration);
     if (!camera) return base::fail(std::move(camera));
     if (camera->width_px() != width_px || camera->height_px() != height_px) {
       return bad_job(job, fmt::format("the model of camera {} is for {} x {} pixels, its photographs have {} x {}", name,
@@ -110,7 +126,7 @@ struct Photographs {
 };
 
 Result<std::vector<base::NetworkCamera>> start_cameras(const Job& job, const std::vector<base::ImageObservations>& images,
-                                                       const Photographs& photographs) {
+                                                       const Photographs& photographs, const fs::path& calibration) {
   std::map<std::string, const base::ImageObservations*> first;
   for (const base::ImageObservations& image : images) {
     const auto [it, added] = first.emplace(image.camera, &image);
@@ -121,7 +137,8 @@ Result<std::vector<base::NetworkCamera>> start_cameras(const Job& job, const std
   }
   std::vector<base::NetworkCamera> cameras;
   for (const auto& [name, image] : first) {
-    auto camera = start_camera(job, name, image->width_px, image->height_px, photographs.by_name.at(image->image)->path);
+    auto camera =
+        start_camera(job, name, image->width_px, image->height_px, photographs.by_name.at(image->image)->path, calibration);
     if (!camera) return base::fail(std::move(camera));
     cameras.push_back(std::move(*camera));
   }
@@ -279,7 +296,7 @@ Result<base::Network> network_of(const Job& job, const fs::path& detection) {
     image.family = job.family;
     network.images.push_back(std::move(image));
   }
-  auto cameras = start_cameras(job, network.images, photographs);
+  auto cameras = start_cameras(job, network.images, photographs, detection.parent_path() / "calibrate");
   if (!cameras) return base::fail(std::move(cameras));
   network.cameras = std::move(*cameras);
   if (job.network->scale_bars) {
@@ -335,6 +352,19 @@ Result<std::vector<base::ResultInput>> network_inputs(const Job& job, const fs::
   auto observations = base::sha256_of_file(detection / "observations.csv");
   if (!observations) return base::fail(std::move(observations));
   inputs.push_back({kObservationsInput, std::move(*observations)});  // by its place in the job, wherever --out puts it
+  const bool calibrated = std::any_of(job.network->images.begin(), job.network->images.end(), [&job](const auto& images) {
+    return job.cameras.at(images.first).board_images.has_value();
+  });
+  if (calibrated) {
+    const fs::path lenses = detection.parent_path() / "calibrate" / "result.json";
+    auto hash = base::sha256_of_file(lenses);
+    if (!hash) {
+      return bad_job(job, fmt::format("cameras of [network] are calibrated by board_images, but there is no {} yet; `crosstie "
+                                      "calibrate` or `crosstie run` makes it",
+                                      lenses.string()));
+    }
+    inputs.push_back({"results/calibrate/result.json", std::move(*hash)});
+  }
   for (const fs::path& file : files) {
     auto input = hashed_input(file, job.folder);
     if (!input) return base::fail(std::move(input));

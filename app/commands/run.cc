@@ -1,6 +1,7 @@
 // crosstie run: a job folder, step by step, only what is out of date
 
 #include "app/steps.h"
+#include "app/steps_calibrate.h"
 #include "app/verb.h"
 
 #include <fmt/core.h>
@@ -27,6 +28,14 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const std::filesystem::path results = out ? std::filesystem::path(*out) : job->folder / "results";
   Outcome outcome = Outcome::kOk;
 
+  if (job->board) {
+    const auto boards = calibration_task(*job);
+    if (!boards) return tl::unexpected(boards.error());
+    const auto calibration = calibrate_step(*boards, results / "calibrate", session);
+    if (!calibration) return tl::unexpected(calibration.error());
+    tell(session, "calibrate  ", *calibration, outcome);
+    if (!job->network) return outcome;
+  }
   if (const auto scale = check_scale(*job); !scale) return tl::unexpected(scale.error());
   const auto task = detection_task(*job);
   if (!task) return tl::unexpected(task.error());
