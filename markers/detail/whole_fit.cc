@@ -36,6 +36,8 @@ enum Unknown : int {
   kFxy,
   kFyx,
   kFyy,
+  kPx,
+  kPy,
   kUnknowns
 };
 constexpr int kAll = kUnknowns + kEdgeHarmonics;
@@ -47,20 +49,25 @@ constexpr double kConvergedPx = 1e-3;  // what remains after the last step, as i
 constexpr double kConvergedSigmas = 0.05;
 constexpr double kShrinking = 0.3;
 constexpr int kMaxSteps = 10;
-constexpr double kReach = 5.0;           // blurs from the dot's edge to where its light ends
-constexpr double kLargestStep = 0.25;    // of the semi-minor axis
-constexpr double kRingLevelSigma = 0.3;  // a priori: of the ring's level, in contrasts of the dot
+constexpr double kReach = 5.0;              // blurs from the dot's edge to where its light ends
+constexpr double kLargestStep = 0.25;       // of the semi-minor axis
+constexpr double kRingLevelSigma = 0.3;     // a priori: of the ring's level, in contrasts of the dot
+constexpr double kPerspectiveSigma = 0.05;  // the same: of the change of scale from the centre to the ring's outer edge
 
 struct Figure {
   Eigen::Vector2d centre_px;
   Eigen::Matrix2d pixel_from_unit;
+  Eigen::Vector2d perspective = Eigen::Vector2d::Zero();  ///< per px: what would lie at e lies at e / (1 + perspective . e)
 
   [[nodiscard]] Eigen::Vector2d at(double rho, double phi) const {
-    return centre_px + rho * (pixel_from_unit * Eigen::Vector2d(std::cos(phi), std::sin(phi)));
+    const Eigen::Vector2d e = rho * (pixel_from_unit * Eigen::Vector2d(std::cos(phi), std::sin(phi)));
+    return centre_px + e / (1.0 + perspective.dot(e));
   }
   void move(const Eigen::Vector2d& by, const Eigen::Matrix2d& shape) {
     centre_px += by;
-    pixel_from_unit += shape * pixel_from_unit;
+    const Eigen::Matrix2d moved = Eigen::Matrix2d::Identity() + shape;
+    pixel_from_unit = moved * pixel_from_unit;
+    perspective = moved.transpose().inverse() * perspective;
   }
 };
 
@@ -196,8 +203,8 @@ Fitting::Fitting(const base::ImageView& image, const DotFit& earlier, const Read
   window_ = window_of(ellipse, family.ring_outer, image);
   const double dot_end = 1.0 + kReach * earlier.blur_px / ellipse.semi_minor_px;
   dot_window_ = window_of(ellipse, std::min(dot_end, family.ring_outer), image);
-  state_.dot = {ellipse.centre_px, ellipse.pixel_from_unit()};
-  state_.ring = {ring.dot.centre_px, ring.dot.pixel_from_unit()};
+  state_.dot = {ellipse.centre_px, ellipse.pixel_from_unit(), Eigen::Vector2d::Zero()};
+  state_.ring = {ring.dot.centre_px, ring.dot.pixel_from_unit(), Eigen::Vector2d::Zero()};
   state_.blur_px = std::max(earlier.blur_px, kSmallestBlurPx);
   const auto level = [&](double at_centre, const Eigen::Vector2d& slope) {
     return Eigen::Vector3d(at_centre - slope.dot(ellipse.centre_px - pixels_.origin_px), slope.x(), slope.y());
@@ -283,6 +290,10 @@ void Fitting::linearise() {
     row[kFxy] = -(f.y() * ring_slope.x() + ring_bend[1]);
     row[kFyx] = -(f.x() * ring_slope.y() + ring_bend[1]);
     row[kFyy] = -(f.y() * ring_slope.y() + ring_bend[2]);
+    const float bulge = ring_bend[0] + ring_bend[2];
+    const float outwards = f.dot(ring_slope) + bulge;
+    row[kPx] = f.x() * outwards + f.x() * ring_bend[0] + f.y() * ring_bend[1] + blur2 * ring_slope.x();
+    row[kPy] = f.y() * outwards + f.x() * ring_bend[1] + f.y() * ring_bend[2] + blur2 * ring_slope.y();
     // Harmonics move the edge along its normal.
     const Eigen::Vector2f across = shape * e;
     const Eigen::Vector2f u = unit_from_pixel * e;
@@ -333,6 +344,11 @@ void Fitting::add_prior(Sums& sums) const {
   sums.normal(kW, kI) -= weight;
   sums.right[kW] -= weight * difference;
   sums.right[kI] += weight * difference;
+  const double perspective = std::pow(family_.ring_outer * semi_major_px_ / kPerspectiveSigma, 2);
+  for (const int axis : {0, 1}) {
+    sums.normal(kPx + axis, kPx + axis) += perspective;
+    sums.right[kPx + axis] -= perspective * state_.ring.perspective[axis];
+  }
   for (const int axis : {1, 2}) {
     const Eigen::Vector3d slopes(state_.levels[0][axis], state_.levels[1][axis], state_.levels[2][axis]);
     const Eigen::Vector3d pull = -slopes_ * slopes;
@@ -349,6 +365,7 @@ void Fitting::step_by(const Step& step) {
   state_.dot.move(step.segment<2>(kCx), shape);
   shape << step[kFxx], step[kFxy], step[kFyx], step[kFyy];
   state_.ring.move(step.segment<2>(kRx), shape);
+  state_.ring.perspective += step.segment<2>(kPx);
   state_.blur_px = std::max(state_.blur_px + step[kBlur], kSmallestBlurPx);
   for (int of = 0; of < 3; ++of) state_.levels[static_cast<std::size_t>(of)] += step.segment<3>(kO + 3 * of);
 }
@@ -382,7 +399,8 @@ double Fitting::segment_misfit() const {
   std::vector<double> sums(bits, 0.0), contrasts(bits, 0.0);
   for (std::size_t i = 0; i < pixels_.used; ++i) {
     const Eigen::Vector3d o(1.0, static_cast<double>(pixels_.x[i]), static_cast<double>(pixels_.y[i]));
-    const Eigen::Vector2d u = unit_from_pixel * (o.tail<2>() - centre);
+    const Eigen::Vector2d f = o.tail<2>() - centre;
+    const Eigen::Vector2d u = unit_from_pixel * f / (1.0 - state_.ring.perspective.dot(f));
     if (u.norm() < family_.ring_inner || u.norm() > family_.ring_outer) continue;
     double turns = (std::atan2(u.y(), u.x()) - ring_.first_rad) / (2.0 * std::numbers::pi);
     turns -= std::floor(turns);

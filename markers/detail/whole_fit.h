@@ -29,9 +29,9 @@ struct WholeFit {
 /// Model: with D and R the cover of dot and ring (segments that are 1, border) through the same Gaussian (cover_image.h),
 ///     grey(p) = O(e) + (I(e) - O(e)) D(p) + (W(e) - O(e)) R(p),
 /// I, O, W the levels of dot, ground and ring, linear in e = p - c; the slopes of all three follow the light's. D is that of any
-/// ellipse. R is the known code in an affine frame of its own, with six free parameters: where the ring was printed, how large,
+/// ellipse. R is the known code in a projective frame of its own, with eight free parameters: where the ring was printed, how large,
 /// and how perspective displaces it from the dot's ellipse moves the dot's centre no more than the ring's noise does. Parameters:
-/// 12 of the dot as in dot_fit.h, 6 of the ring's frame, 3 of its level. All pixels out to the ring's outer edge, weighted, and
+/// 12 of the dot as in dot_fit.h, 8 of the ring's frame, 3 of its level. All pixels out to the ring's outer edge, weighted, and
 /// with the harmonics of the dot's edge, as there; the covariance is the dot's within the whole adjustment.
 ///
 /// Nothing where the marker leaves the image or the adjustment does not converge.

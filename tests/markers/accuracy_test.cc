@@ -356,6 +356,19 @@ TEST(Accuracy, OfTheDotDoesNotDependOnWhereTheRingWasPrinted) {
 struct PerspectiveScene {
   double focal_px, distance, tilt_rad, axis_rad, blur_px;
   Eigen::Vector2d principal_px;
+  const MarkerFamily* family = nullptr;  ///< null: the dot alone
+  std::uint64_t code = 0;
+
+  /// Whether a place on the target, in dot radii, is bright.
+  [[nodiscard]] bool bright(const Eigen::Vector2d& place) const {
+    const double rho = place.norm();
+    if (rho <= 1.0 || family == nullptr) return rho <= 1.0;
+    if (rho > family->disc_outer && rho <= family->border_outer) return true;
+    if (rho < family->ring_inner || rho > family->ring_outer) return false;
+    const double turns = std::atan2(place.y(), place.x()) / (2.0 * std::numbers::pi);
+    const int segment = static_cast<int>((turns - std::floor(turns)) * family->bits) % family->bits;
+    return (code >> (family->bits - 1 - segment) & 1U) != 0;
+  }
 
   /// pixel = H target: rotation by the tilt about an axis in the plane, then the camera in front of it.
   [[nodiscard]] Eigen::Matrix3d pixel_from_target() const {
@@ -387,7 +400,7 @@ std::vector<double> photographed(const PerspectiveScene& scene, int size_px) {
   for (int y = 0; y < fine; ++y) {
     for (int x = 0; x < fine; ++x) {
       const Eigen::Vector3d pixel((x + 0.5) / kFine - 0.5 - kMargin, (y + 0.5) / kFine - 0.5 - kMargin, 1.0);
-      cover(y, x) = (target_from_pixel * pixel).hnormalized().squaredNorm() <= 1.0 ? 1.0 : 0.0;
+      cover(y, x) = scene.bright((target_from_pixel * pixel).hnormalized()) ? 1.0 : 0.0;
     }
   }
   Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(size_px, fine);
@@ -433,6 +446,39 @@ TEST(Accuracy, IsTheImageOfTheCircleOnceItsEccentricityIsTakenOff) {
         eccentricity_px = std::max(eccentricity_px, eccentricity.norm());
       }
       EXPECT_LT((sum / kPhases).norm(), 0.005) << radius_px << " px, " << tilt_deg << " deg, eccentricity " << eccentricity_px;
+    }
+  }
+}
+
+/// Perspective displaces the ring from the dot's ellipse, and makes its nearer half larger: where the blur mixes both, too.
+TEST(Accuracy, OfBlurredCodedMarkersHoldsInPerspective) {
+  for (const char* name : {"ring10", "agisoft12"}) {
+    const MarkerFamily family = *marker_family(name);
+    for (const double distance : {60.0, 200.0}) {  // in dot radii
+      double sum = 0.0;
+      constexpr int kPhases = 3;
+      for (int i = 0; i < kPhases; ++i) {
+        const int size_px = 2 * static_cast<int>(family.border_outer * 8.0 * 1.1 + 8.0);
+        PerspectiveScene scene{.focal_px = 8.0 * distance,
+                               .distance = distance,
+                               .tilt_rad = std::numbers::pi / 3.0,
+                               .axis_rad = 1.3 * i,
+                               .blur_px = 1.2,
+                               .principal_px = {0.5 * size_px + 0.1 * i, 0.5 * size_px - 0.13 * i},
+                               .family = &family,
+                               .code = family.codes[static_cast<std::size_t>(7 + 5 * i)].code};
+        const auto found =
+            detect(tests::photograph(photographed(scene, size_px), size_px, size_px, {}, 16, 65535.0).view(), family);
+        ASSERT_TRUE(found);
+        int coded = 0;
+        for (const base::Observation& o : found->observations) {
+          if (o.status != base::ObservationStatus::kCoded) continue;
+          ++coded;
+          sum += (o.centre_px - ellipse_centre(scene.pixel_from_target())).norm();
+        }
+        EXPECT_EQ(coded, 1) << name << ", distance " << distance;
+      }
+      EXPECT_LT(sum / kPhases, 0.005) << name << ", distance " << distance;
     }
   }
 }
