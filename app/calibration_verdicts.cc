@@ -25,9 +25,7 @@ VerdictLevel judge_ratio(double ratio, double limit) {
 void judge_validation(const base::Calibration& calibration, const JobLimits& limits, std::vector<Verdict>& verdicts) {
   if (!calibration.validation || calibration.validation->halves.size() != 2) return;
   const base::CrossValidation& validation = *calibration.validation;
-  const std::string source =
-      "limits.halves_ratio: odd against even views, difference over what their sigmas predict; above the limit WARNING, above "
-      "1.645 of it FAIL (mrcal, cross-validation)";
+  const std::string source = "limits.halves_ratio; FAIL above 1.645 times it (0.1 %)";
   for (std::size_t c = 0; c < validation.model_difference_px.size() && c < calibration.cameras.size(); ++c) {
     const double ratio = validation.model_difference_px[c] / validation.model_difference_predicted_px[c];
     verdicts.push_back({fmt::format("halves_ratio {}", calibration.cameras[c].name), ratio, limits.halves_ratio, "", source,
@@ -47,27 +45,23 @@ std::vector<Verdict> judge(const base::Calibration& calibration, const JobLimits
     if (!(camera.rms_heldout_px > 0.0)) continue;
     // The relative sigma of a root mean square of n independent values is 1 / sqrt(2 n); a corner has two.
     const double sigma = camera.rms_heldout_px / std::sqrt(4.0 * std::max(1, camera.corners));
-    verdicts.push_back(
-        {fmt::format("heldout_rms_px {}", camera.name), camera.rms_heldout_px, limits.heldout_rms_px, "px",
-         "limits.heldout_rms_px: corners of views that took no part, per point; five public boards reach 0.05 to "
-         "0.17 px",
-         base::judge_upper_limit(camera.rms_heldout_px, limits.heldout_rms_px, kCoverage * sigma)});
+    verdicts.push_back({fmt::format("heldout_rms_px {}", camera.name), camera.rms_heldout_px, limits.heldout_rms_px, "px",
+                        "limits.heldout_rms_px: public boards reach 0.05 to 0.17 px",
+                        base::judge_upper_limit(camera.rms_heldout_px, limits.heldout_rms_px, kCoverage * sigma)});
   }
   judge_validation(calibration, limits, verdicts);
   for (const base::CalibratedCamera& camera : calibration.cameras) {
     const double empty = 1.0 - camera.area.inner_share();
-    verdicts.push_back(
-        {fmt::format("area_not_covered {}", camera.name), empty, limits.area_not_covered, "",
-         "limits.area_not_covered: share of the image's cells without corners; a WARNING only, since the lens is "
-         "not used there",
-         empty <= limits.area_not_covered ? VerdictLevel::kOk : VerdictLevel::kWarning});
+    verdicts.push_back({fmt::format("area_not_covered {}", camera.name), empty, limits.area_not_covered, "",
+                        "limits.area_not_covered: never more than a WARNING",
+                        empty <= limits.area_not_covered ? VerdictLevel::kOk : VerdictLevel::kWarning});
   }
   const base::CalibratedBoard& board = calibration.board;
   if (board.board.free && board.prior_ratio > 0.0) {
     // Of a sum of n squares over n: sqrt(2 / n).
     const double sigma = board.prior_ratio * std::sqrt(2.0 / (3.0 * std::max(1, board.board.count())));
     verdicts.push_back({"prior_ratio", board.prior_ratio, limits.prior_ratio, "",
-                        "limits.prior_ratio: squares of the board's deviations over their prior sigmas, 1 where these are true",
+                        "limits.prior_ratio: 1 where the prior is true",
                         base::judge_upper_limit(board.prior_ratio, limits.prior_ratio, kCoverage * sigma)});
   }
   if (limits.baseline_sigma_mm && calibration.rig) {

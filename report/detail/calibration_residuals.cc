@@ -18,6 +18,7 @@ std::string calibration_residuals_section(const base::Calibration& calibration) 
     std::vector<ImagePoint> points;
     std::vector<double> radius_px;
     std::vector<double> coordinates_px;
+    std::vector<double> standardised;
     for (const base::CalibrationResidual& one : calibration.residuals) {
       const base::CalibratedView& view = calibration.views.at(static_cast<std::size_t>(one.view));
       if (view.camera != camera.name) continue;
@@ -29,6 +30,7 @@ std::string calibration_residuals_section(const base::Calibration& calibration) 
     }
     if (points.empty()) continue;
     const double sigma_px = camera.rms_px / std::sqrt(2.0);
+    for (const double value : coordinates_px) standardised.push_back(value / sigma_px);
     html +=
         fmt::format("<h3>Camera {}</h3>\n", escape(camera.name)) +
         figures(
@@ -47,9 +49,9 @@ std::string calibration_residuals_section(const base::Calibration& calibration) 
              figure(rms_along(radius_px, coordinates_px, sigma_px, "Residuals by distance from the image centre",
                               "distance from the image centre [px]", "rms of a coordinate [px]"),
                     "Level where the lens model holds out to the corners. Bars: 95 % range of each class."),
-             figure(
-                 normal_quantile_plot(coordinates_px, fmt::format("Normal quantiles, camera {}", camera.name), "residual [px]"),
-                 "Straight: normal. The line has slope 1; only the shape counts here.")});
+             figure(normal_quantile_plot(standardised, fmt::format("Normal quantiles, camera {}", camera.name),
+                                         "residual over its spread"),
+                    "On the line: normal. Bent ends: blunders or heavy tails.")});
   }
   return html.empty() ? paragraph("There are no residuals.") : html;
 }
