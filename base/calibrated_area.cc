@@ -13,7 +13,89 @@ bool is_border(int column, int row) {
   return column == 0 || row == 0 || column == kLast || row == kLast;
 }
 
+constexpr int kCells = CalibratedArea::kCells;
+using Cells = std::array<char, static_cast<std::size_t>(kCells* kCells)>;
+
+bool holds(const Cells& cells, int column, int row) {
+  return column >= 0 && row >= 0 && column < kCells && row < kCells &&
+         cells[static_cast<std::size_t>(row * kCells + column)] != 0;
+}
+
+/// The cells that hang together with one, by their edges, of those that are set.
+Cells part_of(const Cells& cells, int column, int row) {
+  Cells part{};
+  std::vector<std::array<int, 2>> next = {{column, row}};
+  while (!next.empty()) {
+    const auto [c, r] = next.back();
+    next.pop_back();
+    if (!holds(cells, c, r) || holds(part, c, r)) continue;
+    part[static_cast<std::size_t>(r * kCells + c)] = 1;
+    for (const auto& [dc, dr] : {std::array{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) next.push_back({c + dc, r + dr});
+  }
+  return part;
+}
+
+Cells largest_part(const Cells& cells) {
+  Cells best{};
+  std::ptrdiff_t most = 0;
+  for (int i = 0; i < kCells * kCells; ++i) {
+    if (!holds(cells, i % kCells, i / kCells)) continue;
+    const Cells part = part_of(cells, i % kCells, i / kCells);
+    const auto size = std::count(part.begin(), part.end(), 1);
+    if (size > most) {
+      most = size;
+      best = part;
+    }
+  }
+  return best;
+}
+
+/// Whatever cannot be reached from the border without crossing the part.
+Cells filled(const Cells& part) {
+  Cells empty{};
+  for (std::size_t i = 0; i < part.size(); ++i) empty[i] = part[i] == 0 ? 1 : 0;
+  Cells outside{};
+  for (int i = 0; i < kCells * kCells; ++i) {
+    if (!is_border(i % kCells, i / kCells) || !holds(empty, i % kCells, i / kCells)) continue;
+    const Cells reached = part_of(empty, i % kCells, i / kCells);
+    for (std::size_t k = 0; k < reached.size(); ++k) outside[k] = static_cast<char>(outside[k] | reached[k]);
+  }
+  for (char& cell : outside) cell = cell == 0 ? 1 : 0;
+  return outside;
+}
+
 }  // namespace
+
+std::vector<Eigen::Vector2d> CalibratedArea::outline_px() const {
+  Cells cells{};
+  for (std::size_t i = 0; i < cells.size(); ++i) cells[i] = counts_[i] > 0 ? 1 : 0;
+  cells = filled(largest_part(cells));
+  const auto first = std::find(cells.begin(), cells.end(), 1);
+  if (first == cells.end()) return {};
+  // Along the border with the cells to the right, from the upper left corner of the first; directions: right, down, left, up.
+  constexpr std::array<std::array<int, 2>, 4> kSteps = {{{1, 0}, {0, 1}, {-1, 0}, {0, -1}}};
+  // The cell to the right of a step that leaves the corner (column, row), and the one to its left.
+  constexpr std::array<std::array<int, 2>, 4> kRight = {{{0, 0}, {-1, 0}, {-1, -1}, {0, -1}}};
+  constexpr std::array<std::array<int, 2>, 4> kLeft = {{{0, -1}, {0, 0}, {-1, 0}, {-1, -1}}};
+  const int start = static_cast<int>(first - cells.begin());
+  int column = start % kCells;
+  int row = start / kCells;
+  const std::array<int, 2> from = {column, row};
+  std::size_t direction = 0;
+  std::vector<Eigen::Vector2d> outline;
+  do {
+    outline.emplace_back(edge_px(column, width_px_), edge_px(row, height_px_));
+    do {
+      column += kSteps[direction][0];
+      row += kSteps[direction][1];
+    } while (holds(cells, column + kRight[direction][0], row + kRight[direction][1]) &&
+             !holds(cells, column + kLeft[direction][0], row + kLeft[direction][1]));
+    // To the right where the cells end; else to the left. Cells that touch at a corner only are not joined.
+    const bool ends = !holds(cells, column + kRight[direction][0], row + kRight[direction][1]);
+    direction = (direction + (ends ? 1 : 3)) % 4;
+  } while (column != from[0] || row != from[1] || direction != 0);
+  return outline;
+}
 
 CalibratedArea::CalibratedArea(int width_px, int height_px) : width_px_(width_px), height_px_(height_px) {}
 

@@ -25,6 +25,8 @@ class CalibratedArea {
 
   [[nodiscard]] int count(int column, int row) const { return counts_[static_cast<std::size_t>(row * kCells + column)]; }
   void set_count(int column, int row, int count) { counts_[static_cast<std::size_t>(row * kCells + column)] = count; }
+  /// The outline [px] of the largest part whose cells hang together by their edges, holes filled; no corner where there is none.
+  [[nodiscard]] std::vector<Eigen::Vector2d> outline_px() const;
   /// Left and right end of a column of cells [px]; the same of a row.
   [[nodiscard]] std::array<double, 2> column_px(int column) const;
   [[nodiscard]] std::array<double, 2> row_px(int row) const;

@@ -168,6 +168,12 @@ struct SecondOpinion {
   double our_baseline_mm = 0.0;
   int rejected = 0;  ///< corners that it left out
   std::string failure;
+  Eigen::Vector2d bends_mm = Eigen::Vector2d::Zero();  ///< "two bends": rise of the board's middle along columns and along rows
+  /// Of each camera: rms and maximum of the difference between its projections and those of the calibration itself, at distance_mm
+  /// where corners were seen, after the implied motion (math::projection_difference).
+  std::vector<double> difference_rms_px;
+  std::vector<double> difference_max_px;
+  double distance_mm = 0.0;
 };
 
 /// What calibrate found. Covariances belong to the corner sigma that the residuals tell and to the board's prior as stated.

@@ -142,6 +142,9 @@ Json opinion_json(const SecondOpinion& opinion) {
       {"baseline_mm", opinion.baseline_mm},
       {"rejected", opinion.rejected},
       {"ours", {{"rms_px", opinion.our_rms_px}, {"focal_px", opinion.our_focal_px}, {"baseline_mm", opinion.our_baseline_mm}}},
+      {"bends_mm", list_json(opinion.bends_mm)},
+      {"difference",
+       {{"distance_mm", opinion.distance_mm}, {"rms_px", opinion.difference_rms_px}, {"max_px", opinion.difference_max_px}}},
       {"failure", opinion.failure}};
 }
 

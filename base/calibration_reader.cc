@@ -38,6 +38,7 @@ CalibratedCamera camera_of(const Json& json) {
   if (const Json& heldout = json.at("rms_heldout_px"); !heldout.is_null()) one.rms_heldout_px = heldout;
   if (const Json& temperature = json.at("temperature_c"); !temperature.is_null()) one.temperature_c = temperature;
   one.area = area_of(json.at("area"), one.camera.width_px(), one.camera.height_px());
+  one.camera.set_valid_region(one.area.outline_px());
   return one;
 }
 

@@ -188,7 +188,10 @@ void add_views(const Problem& problem, const State& state, const Estimate& at, C
     if (!seen_px[c].empty()) result.cameras[c].camera.set_valid_region(hull_of(std::move(seen_px[c])));
   }
   for (auto& view : result.views) view.rms_px = std::sqrt(view.rms_px / std::max(1, view.corners));
-  for (auto& camera : result.cameras) camera.rms_px = std::sqrt(camera.rms_px / std::max(1, camera.corners));
+  for (auto& camera : result.cameras) {
+    camera.rms_px = std::sqrt(camera.rms_px / std::max(1, camera.corners));
+    camera.camera.set_valid_region(camera.area.outline_px());
+  }
   result.rms_px = count > 0 ? std::sqrt(total / count) : 0.0;
 
   result.rejected = problem.refused;

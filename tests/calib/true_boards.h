@@ -42,7 +42,8 @@ struct TrueCamera {
 struct TrueScene {
   base::Board board;
   std::vector<TrueCamera> cameras;
-  Eigen::Matrix3Xd points;  ///< of this board
+  Eigen::Matrix3Xd points;                  ///< of this board
+  std::vector<base::Pose> left_from_board;  ///< of every station
   calib::BoardViews views;
 };
 
@@ -94,6 +95,7 @@ inline TrueScene make_scene(const base::Board& board, const SceneOptions& option
                                      .toRotationMatrix();
     const Eigen::Vector3d place =
         middle + 0.25 * options.distance_mm * Eigen::Vector3d(uniform(random), 0.6 * uniform(random), 0.6 * uniform(random));
+    scene.left_from_board.push_back({Eigen::Quaterniond(turn), place});
     for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
       const TrueCamera& camera = scene.cameras[c];
       base::BoardImage image{
