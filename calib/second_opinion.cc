@@ -10,7 +10,6 @@
 
 #include "calib/calibrate.h"
 #include "calib/detail/mrcal_solve.h"
-#include "calib/detail/start.h"
 #include "math/projection_difference.h"
 
 namespace crosstie::calib {
@@ -64,6 +63,18 @@ VectorXd splined_start(const base::Camera& camera, base::LensModel splined) {
   return parameters;
 }
 
+/// The parameters that both models have, by their names; what only `wanted` has is zero.
+VectorXd opencv_start(const base::Camera& camera, base::LensModel wanted) {
+  VectorXd parameters = VectorXd::Zero(base::parameter_count(wanted));
+  const auto from = base::parameter_names(camera.model());
+  const auto to = base::parameter_names(wanted);
+  for (std::size_t i = 0; i < to.size(); ++i) {
+    const auto found = std::find(from.begin(), from.end(), to[i]);
+    if (found != from.end()) parameters(static_cast<Eigen::Index>(i)) = camera.parameters()(found - from.begin());
+  }
+  return parameters;
+}
+
 /// The calibration as mrcal's problem, its board with the first corner as origin.
 MrcalProblem problem_of(const Calibration& calibration, const SecondOpinionOptions& options) {
   const base::Board& board = calibration.board.board;
@@ -77,10 +88,9 @@ MrcalProblem problem_of(const Calibration& calibration, const SecondOpinionOptio
   problem.pitch_mm = (nominal.col(1) - nominal.col(0)).norm();
   for (const auto& one : calibration.cameras) {
     const base::Camera& camera = one.camera;
-    problem.cameras.push_back({camera.width_px(), camera.height_px(),
-                               options.lens.is_splined()
-                                   ? splined_start(camera, options.lens)
-                                   : detail::as_model(camera.parameters(), camera.model(), options.lens)});
+    problem.cameras.push_back(
+        {camera.width_px(), camera.height_px(),
+         options.lens.is_splined() ? splined_start(camera, options.lens) : opencv_start(camera, options.lens)});
   }
   if (calibration.rig) problem.right_from_left = calibration.rig->right_from_left;
   const base::Pose middle_from_first{Eigen::Quaterniond::Identity(), nominal.col(0)};
