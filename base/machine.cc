@@ -10,19 +10,6 @@
 namespace crosstie::base {
 namespace {
 
-/// P_n(t) by its recurrence.
-double legendre(int order, double t) {
-  double before = 1.0;
-  double here = t;
-  if (order == 0) return before;
-  for (int n = 1; n < order; ++n) {
-    const double next = ((2 * n + 1) * t * here - n * before) / (n + 1);
-    before = here;
-    here = next;
-  }
-  return here;
-}
-
 /// The place of a reading in the travel, -1 to 1.
 double place(const LinearAxis& axis, double axis_mm) {
   const double half = 0.5 * (axis.to_mm - axis.from_mm);
@@ -89,6 +76,18 @@ HeadPose evaluate(const MachineFrame& frame, double axis_mm, bool with_terms) {
 }
 
 }  // namespace
+
+double legendre(int order, double t) {
+  double before = 1.0;
+  double here = t;
+  if (order == 0) return before;
+  for (int n = 1; n < order; ++n) {
+    const double next = ((2 * n + 1) * t * here - n * before) / (n + 1);
+    before = here;
+    here = next;
+  }
+  return here;
+}
 
 double Cross::growth_sigma() const {
   return std::hypot(cte_per_k * temperature_sigma_c, cte_sigma_per_k * (temperature_c - measured_at_c),

@@ -96,6 +96,9 @@ struct ErrorMotion {
   bool significant = false;
 };
 
+/// P_order(t).
+[[nodiscard]] double legendre(int order, double t);
+
 /// The travel of the head:
 ///     machine_from_rig(s) = Trans(d (s - s0) (1 + k) + (EXX, EYX, EZX)(s)) * Rot_q((EAX, EBX, ECX)(s)) * machine_from_rig(s0)
 /// with s the axis reading, s0 the middle of the travel, d the direction, k the encoder's scale, all in the machine's axes. Rot_q
@@ -127,20 +130,20 @@ struct LinearAxis {
 /// The head's pose at a reading of the axis.
 struct HeadPose {
   double axis_mm = 0.0;
-  Pose machine_from_rig;
+  Pose machine_from_rig = {};
   Matrix6d cov = Matrix6d::Zero();       ///< of the model's pose, which all stops share
   Matrix6d stop_cov = Matrix6d::Zero();  ///< of a single stop about it, and of its reading: to be added for one stop
 };
 
 /// Where the head is in machine, for every reading of its travel.
 struct MachineFrame {
-  LinearAxis axis;
-  Pose machine_from_rig_at_middle;  ///< on the axis at LinearAxis::middle_mm(), without error motions
+  LinearAxis axis = {};
+  Pose machine_from_rig_at_middle = {};  ///< on the axis at LinearAxis::middle_mm(), without error motions
   /// Two unit vectors across the direction; the direction's perturbation is their combination.
   Eigen::Matrix<double, 3, 2> across = Eigen::Matrix<double, 3, 2>::Zero();
   /// Joint covariance of machine_from_rig_at_middle [rad, mm], the direction's two perturbations [rad], the scale [ppm] and each
   /// significant term [mm or rad], in their order.
-  Eigen::MatrixXd cov;
+  Eigen::MatrixXd cov = {};
 
   /// Error kBadInput where `axis_mm` lies outside of the travel: nothing is known of the error motions there.
   [[nodiscard]] Result<HeadPose> at(double axis_mm) const;
@@ -175,7 +178,7 @@ struct CommissionedMarker {
 struct CommissionedStation {
   std::string name;
   double axis_mm = 0.0;
-  Pose machine_from_rig;  ///< of this stop, its own scatter included
+  Pose machine_from_rig = {};  ///< of this stop, its own scatter included
   Matrix6d cov = Matrix6d::Zero();
   Vector6d off_axis = Vector6d::Zero();  ///< from the model's pose to this one: [rad, mm] in the machine's axes
   double w = 0.0;                        ///< standardised

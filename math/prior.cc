@@ -1,6 +1,25 @@
 #include "math/prior.h"
 
+#include <algorithm>
+
+#include <Eigen/Eigenvalues>
+
 namespace crosstie::math {
+
+base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std::string& name) {
+  constexpr double kSingular = 1e-12;  // over the largest eigenvalue: rounding of a direction without variance
+  constexpr double kExact = 1e-6;      // over the least variance
+  if (cov.size() == 0) return Eigen::MatrixXd(0, 0);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(cov);
+  Eigen::VectorXd values = eigen.eigenvalues();
+  const double largest = values.maxCoeff();
+  if (!(largest > 0.0) || values.minCoeff() < -1e-9 * largest) {
+    return base::fail(base::ErrorCode::kBadInput, name + ": the covariance is not positive semi-definite");
+  }
+  const double least = *std::find_if(values.begin(), values.end(), [&](double v) { return v > kSingular * largest; });
+  values = values.unaryExpr([&](double v) { return v > kSingular * largest ? v : kExact * least; });
+  return Eigen::MatrixXd(values.cwiseSqrt().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose());
+}
 
 bool Prior::evaluate(const double* const* values, double* residual, double* const* jacobians) const {
   Eigen::VectorXd difference = -mean_;

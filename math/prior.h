@@ -1,10 +1,17 @@
 #pragma once
 
+#include <string>
+
 #include <Eigen/Core>
 
+#include "base/result.h"
 #include "math/model.h"
 
 namespace crosstie::math {
+
+/// The root of the inverse of a covariance; directions without variance (a datum) get a thousandth of the least sigma. kBadInput,
+/// beginning with `name`, where the covariance is not positive semi-definite.
+base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std::string& name);
 
 /// Values of vector blocks known beforehand: residual = whitening * (x - mean), x the blocks' values one after the other,
 /// whitening' whitening the pseudo-inverse of their covariance.

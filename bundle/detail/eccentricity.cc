@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <vector>
 
 #include <Eigen/Dense>
 
@@ -19,37 +20,34 @@ using Matrix23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 constexpr std::size_t kLeastImages = 3;
 constexpr double kUnequalAxes = 0.15;  // of the two radii that the ellipses give, relative: beyond it they show no circle
 
-/// d pixel / d point in camera.
-std::optional<Matrix23> projection_jacobian(const Survey& survey, const State& state, int image, const Vector3d& in_camera) {
-  Eigen::Vector2d pixel;
-  Matrix23 jacobian;
-  const Eigen::VectorXd& lens = state.lenses[static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(image)])];
-  if (!base::project_bare(survey.lens(image), lens.data(), in_camera.data(), pixel.data(), jacobian.data(), nullptr)) return {};
-  return jacobian;
+/// How the image sees a thing of this shape.
+CircleView view_of(const Survey& survey, const State& state, int image, const Matrix2d& shape_px2) {
+  const auto camera = static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(image)]);
+  return {survey.lens(image), state.lenses[camera].data(), state.poses[static_cast<std::size_t>(image)]->inverse(), shape_px2};
 }
 
 }  // namespace
 
-std::optional<Matrix3d> circle_of(const Survey& survey, const State& state, std::span<const SeenEllipse> ellipses,
-                                  const Vector3d& point) {
-  if (ellipses.size() < kLeastImages) return std::nullopt;
+std::optional<Matrix3d> circle_of(std::span<const CircleView> views, const Vector3d& point) {
+  if (views.size() < kLeastImages) return std::nullopt;
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
-  for (const SeenEllipse& ellipse : ellipses) {
-    const base::Pose camera_from_network = state.poses[static_cast<std::size_t>(ellipse.image)]->inverse();
-    const auto in_camera = projection_jacobian(survey, state, ellipse.image, camera_from_network * point);
-    if (!in_camera) continue;
-    const Matrix23 j = *in_camera * camera_from_network.rotation.toRotationMatrix();
+  for (const CircleView& view : views) {
+    const Vector3d in_camera = view.camera_from_object * point;
+    Eigen::Vector2d pixel;
+    Matrix23 by_point;
+    if (!base::project_bare(view.lens, view.parameters, in_camera.data(), pixel.data(), by_point.data(), nullptr)) continue;
+    const Matrix23 j = by_point * view.camera_from_object.rotation.toRotationMatrix();
     // Each element (a, b) of S is the sum over M's six numbers; relative to the ellipse's size, so that near images do not
     // rule.
-    const double scale = 1.0 / ellipse.shape_px2.trace();
+    const double scale = 1.0 / view.shape_px2.trace();
     for (const auto& [a, b] : {std::pair{0, 0}, std::pair{0, 1}, std::pair{1, 1}}) {
       Eigen::Matrix<double, 6, 1> row;
       row << j(a, 0) * j(b, 0), j(a, 0) * j(b, 1) + j(a, 1) * j(b, 0), j(a, 0) * j(b, 2) + j(a, 2) * j(b, 0), j(a, 1) * j(b, 1),
           j(a, 1) * j(b, 2) + j(a, 2) * j(b, 1), j(a, 2) * j(b, 2);
       row *= scale;
       normal += row * row.transpose();
-      right += row * (scale * ellipse.shape_px2(a, b));
+      right += row * (scale * view.shape_px2(a, b));
     }
   }
   const Eigen::FullPivLU<Eigen::Matrix<double, 6, 6>> factor(normal);
@@ -67,6 +65,27 @@ std::optional<Matrix3d> circle_of(const Survey& survey, const State& state, std:
   return Matrix3d(0.5 * (small + large) * (Matrix3d::Identity() - normal_direction * normal_direction.transpose()));
 }
 
+std::optional<Matrix3d> circle_of(const Survey& survey, const State& state, std::span<const SeenEllipse> ellipses,
+                                  const Vector3d& point) {
+  std::vector<CircleView> views;
+  for (const SeenEllipse& ellipse : ellipses) views.push_back(view_of(survey, state, ellipse.image, ellipse.shape_px2));
+  return circle_of(views, point);
+}
+
+std::optional<Eigen::Vector2d> eccentricity_px(const CircleView& view, const Vector3d& point, const Matrix3d& circle) {
+  const Matrix3d rotation = view.camera_from_object.rotation.toRotationMatrix();
+  const Vector3d x = view.camera_from_object * point;
+  const Matrix3d dual_conic = x * x.transpose() - rotation * circle * rotation.transpose();
+  const Vector3d centre = dual_conic.col(2);
+  Eigen::Vector2d of_circle;
+  Eigen::Vector2d of_ellipse;
+  if (!base::project_bare(view.lens, view.parameters, x.data(), of_circle.data(), nullptr, nullptr) ||
+      !base::project_bare(view.lens, view.parameters, centre.data(), of_ellipse.data(), nullptr, nullptr)) {
+    return std::nullopt;
+  }
+  return of_ellipse - of_circle;
+}
+
 namespace {
 
 /// The same of all active rays of a point.
@@ -82,24 +101,6 @@ std::optional<Matrix3d> circle_of_point(const Survey& survey, const State& state
   return circle_of(survey, state, ellipses, *state.points[point]);
 }
 
-/// From the image of the circle's centre to the centre of its ellipse.
-std::optional<Eigen::Vector2d> eccentricity_px(const Survey& survey, const State& state, int image, const Vector3d& point,
-                                               const Matrix3d& circle) {
-  const base::Pose camera_from_network = state.poses[static_cast<std::size_t>(image)]->inverse();
-  const Matrix3d rotation = camera_from_network.rotation.toRotationMatrix();
-  const Vector3d x = camera_from_network * point;
-  const Matrix3d dual_conic = x * x.transpose() - rotation * circle * rotation.transpose();
-  const Vector3d centre = dual_conic.col(2);
-  const Eigen::VectorXd& lens = state.lenses[static_cast<std::size_t>(survey.camera_of_image[static_cast<std::size_t>(image)])];
-  Eigen::Vector2d of_circle;
-  Eigen::Vector2d of_ellipse;
-  if (!base::project_bare(survey.lens(image), lens.data(), x.data(), of_circle.data(), nullptr, nullptr) ||
-      !base::project_bare(survey.lens(image), lens.data(), centre.data(), of_ellipse.data(), nullptr, nullptr)) {
-    return std::nullopt;
-  }
-  return of_ellipse - of_circle;
-}
-
 }  // namespace
 
 double reduce_to_circle_centres(Survey& survey, const State& state) {
@@ -110,7 +111,7 @@ double reduce_to_circle_centres(Survey& survey, const State& state) {
     for (const int r : survey.rays_of_point[p]) {
       Ray& ray = survey.rays[static_cast<std::size_t>(r)];
       if (!state.knows(ray)) continue;
-      const auto offset = eccentricity_px(survey, state, ray.image, *state.points[p], *seen);
+      const auto offset = eccentricity_px(view_of(survey, state, ray.image, ray.shape_px2), *state.points[p], *seen);
       if (!offset) continue;
       ray.measured_px = ray.ellipse_px - *offset;
       largest_px = std::max(largest_px, offset->norm());

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <opengv/absolute_pose/CentralAbsoluteAdapter.hpp>
+#include <opengv/absolute_pose/NoncentralAbsoluteAdapter.hpp>
 #include <opengv/absolute_pose/methods.hpp>
 #include <opengv/relative_pose/CentralRelativeAdapter.hpp>
 #include <opengv/relative_pose/methods.hpp>
@@ -15,6 +16,20 @@ namespace crosstie::bundle::detail {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+namespace {
+
+/// Those of OpenGV's solutions that are rigid motions.
+void keep_rigid(const opengv::transformations_t& solutions, std::vector<base::Pose>& poses) {
+  for (const opengv::transformation_t& solution : solutions) {
+    if (!solution.allFinite()) continue;
+    const Matrix3d rotation = solution.leftCols<3>();
+    if ((rotation.transpose() * rotation - Matrix3d::Identity()).norm() > 1e-6 || rotation.determinant() < 0.0) continue;
+    poses.push_back({Eigen::Quaterniond(rotation).normalized(), solution.col(3)});
+  }
+}
+
+}  // namespace
+
 std::vector<base::Pose> three_point_poses(const std::array<Vector3d, 3>& directions,
                                           const std::array<Vector3d, 3>& points_in_network) {
   std::vector<base::Pose> poses;
@@ -22,12 +37,39 @@ std::vector<base::Pose> three_point_poses(const std::array<Vector3d, 3>& directi
     const opengv::bearingVectors_t bearings(directions.begin(), directions.end());
     const opengv::points_t points(points_in_network.begin(), points_in_network.end());
     const opengv::absolute_pose::CentralAbsoluteAdapter adapter(bearings, points);
-    for (const opengv::transformation_t& solution : opengv::absolute_pose::p3p_kneip(adapter)) {
-      if (!solution.allFinite()) continue;
-      const Matrix3d rotation = solution.leftCols<3>();
-      if ((rotation.transpose() * rotation - Matrix3d::Identity()).norm() > 1e-6 || rotation.determinant() < 0.0) continue;
-      poses.push_back({Eigen::Quaterniond(rotation).normalized(), solution.col(3)});
+    keep_rigid(opengv::absolute_pose::p3p_kneip(adapter), poses);
+  } catch (const std::exception&) {
+    poses.clear();  // a degenerate sample: no pose
+  }
+  return poses;
+}
+
+std::vector<base::Pose> head_poses(const std::array<HeadSight, 3>& sights, const std::array<Vector3d, 3>& points) {
+  const auto same_camera = [&](std::size_t a, std::size_t b) {
+    return sights[a].rig_from_camera.translation_mm == sights[b].rig_from_camera.translation_mm;
+  };
+  std::vector<base::Pose> poses;
+  if (same_camera(0, 1) && same_camera(1, 2)) {
+    for (const base::Pose& world_from_camera :
+         three_point_poses({sights[0].direction, sights[1].direction, sights[2].direction}, points)) {
+      poses.push_back(world_from_camera * sights[0].rig_from_camera.inverse());
     }
+    return poses;
+  }
+  try {
+    opengv::bearingVectors_t directions;
+    std::vector<int> cameras;
+    opengv::translations_t positions;
+    opengv::rotations_t rotations;
+    for (const HeadSight& sight : sights) {
+      cameras.push_back(static_cast<int>(directions.size()));
+      directions.push_back(sight.direction);
+      positions.push_back(sight.rig_from_camera.translation_mm);
+      rotations.push_back(sight.rig_from_camera.rotation.toRotationMatrix());
+    }
+    const opengv::points_t world(points.begin(), points.end());
+    opengv::absolute_pose::NoncentralAbsoluteAdapter adapter(directions, cameras, world, positions, rotations);
+    keep_rigid(opengv::absolute_pose::gp3p(adapter), poses);
   } catch (const std::exception&) {
     poses.clear();  // a degenerate sample: no pose
   }

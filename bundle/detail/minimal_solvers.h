@@ -14,6 +14,16 @@ namespace crosstie::bundle::detail {
 std::vector<base::Pose> three_point_poses(const std::array<Eigen::Vector3d, 3>& directions,
                                           const std::array<Eigen::Vector3d, 3>& points_in_network);
 
+/// A line of sight of a camera on a head.
+struct HeadSight {
+  base::Pose rig_from_camera;
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< of unit length, in camera
+};
+
+/// The poses world_from_rig from which a head of several cameras sees three points along three sights: the generalised absolute pose
+/// problem, up to eight, OpenGV's version of Kneip, Furgale & Siegwart, ICRA 2013. For sights of one camera only: three_point_poses.
+std::vector<base::Pose> head_poses(const std::array<HeadSight, 3>& sights, const std::array<Eigen::Vector3d, 3>& points);
+
 /// The essential matrices E with a' E b = 0 for five pairs of directions: up to ten, OpenGV's version of Nister, PAMI 26(6),
 /// 2004.
 std::vector<Eigen::Matrix3d> five_point_essentials(const std::array<Eigen::Vector3d, 5>& directions_a,

@@ -6,7 +6,8 @@
 #include <tuple>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
+
+#include "math/prior.h"
 
 namespace crosstie::bundle::detail {
 namespace {
@@ -14,22 +15,6 @@ namespace {
 using base::ErrorCode;
 using base::fail;
 using base::Result;
-
-/// The root of the inverse of a covariance; directions without variance get a thousandth of the least sigma.
-Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std::string& name) {
-  constexpr double kSingular = 1e-12;  // over the largest eigenvalue: rounding of a direction without variance
-  constexpr double kExact = 1e-6;      // over the least variance
-  if (cov.size() == 0) return Eigen::MatrixXd(0, 0);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(cov);
-  Eigen::VectorXd values = eigen.eigenvalues();
-  const double largest = values.maxCoeff();
-  if (!(largest > 0.0) || values.minCoeff() < -1e-9 * largest) {
-    return fail(ErrorCode::kBadInput, name + ": the covariance is not positive semi-definite");
-  }
-  const double least = *std::find_if(values.begin(), values.end(), [&](double v) { return v > kSingular * largest; });
-  values = values.unaryExpr([&](double v) { return v > kSingular * largest ? v : kExact * least; });
-  return Eigen::MatrixXd(values.cwiseSqrt().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose());
-}
 
 }  // namespace
 
@@ -176,7 +161,7 @@ Result<> add_control(const base::Network& network, Survey& survey) {
     control.xyz_mm = group.xyz_mm(present);
     const Eigen::MatrixXd cov = group.cov_mm2(present, present);
     control.sigma_mm = cov.diagonal().cwiseMax(0.0).cwiseSqrt();
-    auto root = whitening_of(cov(observed, observed), name);
+    auto root = math::whitening_of(cov(observed, observed), name);
     if (!root) return fail(std::move(root));
     control.whitening = Eigen::MatrixXd::Zero(root->rows(), control.xyz_mm.size());
     control.whitening(Eigen::all, observed) = *root;

@@ -1,0 +1,130 @@
+#include "bundle/commission.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+
+#include "math/distributions.h"
+#include "tests/bundle/synthetic_head.h"
+
+namespace crosstie::bundle {
+namespace {
+
+double square(const base::Vector6d& error, const base::Matrix6d& cov) {
+  const base::Vector6d scale = cov.diagonal().cwiseSqrt().cwiseInverse();
+  const base::Matrix6d correlation = scale.asDiagonal() * cov * scale.asDiagonal();
+  const base::Vector6d scaled = scale.cwiseProduct(error);
+  return scaled.dot(correlation.ldlt().solve(scaled));
+}
+
+/// Counts over seeds.
+struct Statistics {
+  int runs = 0;
+  double square[3] = {};      ///< of machine_from_rig at the first, a middle and the last reading
+  double rig_square = 0.0;    ///< of right_from_left
+  double frame_square = 0.0;  ///< of machine_from_cross
+  int wide_directions = 0;    ///< sigma of the direction above 38 urad, the planning figure of five stops over 1 m
+  int false_terms = 0;
+  int tested_terms = 0;
+  int false_scales = 0;
+  int pitch_found = 0;
+  int straightness_found = 0;
+  int scale_found = 0;
+  int scattering = 0;
+  double seconds = 0.0;
+};
+
+Statistics run(const tests::HeadPlan& plan, int seeds, std::uint64_t first_seed, const CommissionOptions& options = {}) {
+  Statistics all;
+  for (int i = 0; i < seeds; ++i) {
+    const tests::SyntheticHead head = tests::make_head(plan, first_seed + static_cast<std::uint64_t>(i));
+    const auto begin = std::chrono::steady_clock::now();
+    const auto result = commission(head.input, options);
+    all.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    EXPECT_TRUE(result) << "seed " << i << ": " << result.error().message;
+    if (!result) continue;
+    ++all.runs;
+    const base::LinearAxis& axis = result->frame.axis;
+    const double readings[] = {axis.from_mm, axis.from_mm + 0.37 * (axis.to_mm - axis.from_mm), axis.to_mm};
+    for (int k = 0; k < 3; ++k) {
+      const auto pose = result->frame.at(readings[k]);
+      EXPECT_TRUE(pose);
+      all.square[k] += square(base::difference(pose->machine_from_rig, head.machine_from_rig(readings[k])), pose->cov);
+    }
+    all.rig_square += square(base::difference(result->head.right_from_left, head.right_from_left),
+                             base::Matrix6d(result->head.cov.bottomRightCorner<6, 6>()));
+    all.frame_square +=
+        square(base::difference(result->machine_from_cross, head.machine_from_cross), result->machine_from_cross_cov);
+    all.wide_directions += axis.direction_cov.diagonal().maxCoeff() > 38e-6 * 38e-6 ? 1 : 0;
+    for (const base::ErrorMotion& term : axis.terms) {
+      const bool pitch = term.name == "EBX" && term.order == 1;
+      const bool straightness = term.name == "EZX" && term.order == 2;
+      if (pitch && plan.pitch_rad != 0.0) {
+        all.pitch_found += term.significant ? 1 : 0;
+      } else if (straightness && plan.straightness_mm != 0.0) {
+        all.straightness_found += term.significant ? 1 : 0;
+      } else {
+        ++all.tested_terms;
+        all.false_terms += term.significant ? 1 : 0;
+      }
+    }
+    (plan.scale_ppm != 0.0 ? all.scale_found : all.false_scales) += axis.scale_significant ? 1 : 0;
+    all.scattering += axis.stop_sigma_mm > 0.0 ? 1 : 0;
+  }
+  return all;
+}
+
+void print(const char* name, const Statistics& all) {
+  std::printf(
+      "%s: %d runs, %.1f ms each; mean square of machine_from_rig %.2f %.2f %.2f, rig %.2f, cross %.2f; direction above "
+      "planning %d; "
+      "terms %d of %d false, scale false %d; pitch %d straightness %d scale %d found; scatter %d\n",
+      name, all.runs, 1e3 * all.seconds / all.runs, all.square[0] / all.runs, all.square[1] / all.runs,
+      all.square[2] / all.runs, all.rig_square / all.runs, all.frame_square / all.runs, all.wide_directions, all.false_terms,
+      all.tested_terms, all.false_scales, all.pitch_found, all.straightness_found, all.scale_found, all.scattering);
+}
+
+/// Whether a sum of squares of `dof` standard normal values lies within 99.9 % bounds.
+void expect_chi_square(double sum, double dof, const char* what) {
+  EXPECT_GT(sum, math::chi_square_quantile(0.0005, dof)) << what;
+  EXPECT_LT(sum, math::chi_square_quantile(0.9995, dof)) << what;
+}
+
+TEST(Commission, TheSigmasOfHeadRigAndCrossAreTrue) {
+  const Statistics all = run({}, 100, 1);
+  print("plain", all);
+  for (const double sum : all.square) expect_chi_square(sum, 6.0 * all.runs, "machine_from_rig");
+  expect_chi_square(all.rig_square, 6.0 * all.runs, "right_from_left");
+  expect_chi_square(all.frame_square, 6.0 * all.runs, "machine_from_cross");
+  // Where a term is found by chance (1e-3 each) or a chance scatter is believed (1e-2), the direction is a little less certain.
+  EXPECT_LE(all.wide_directions, all.false_terms + all.scattering);
+}
+
+TEST(Commission, FindsErrorMotionsThatAreThere) {
+  tests::HeadPlan plan;
+  plan.pitch_rad = 50e-6;
+  const Statistics pitch = run(plan, 60, 1000);
+  print("pitch", pitch);
+  EXPECT_GE(pitch.pitch_found, 57);
+  plan = {};
+  plan.straightness_mm = 0.05;
+  const Statistics straightness = run(plan, 60, 2000);
+  print("straightness", straightness);
+  EXPECT_GE(straightness.straightness_found, 57);
+  plan = {};
+  plan.scale_ppm = 50.0;
+  const Statistics scale = run(plan, 60, 3000);
+  print("scale", scale);
+  EXPECT_GE(scale.scale_found, 57);
+  // Each of the other tests accuses at 1e-3: the 99.9 % bound of the binomial distribution.
+  const int tested = pitch.tested_terms + straightness.tested_terms + scale.tested_terms;
+  EXPECT_LE(pitch.false_terms + straightness.false_terms + scale.false_terms,
+            0.001 * tested + 3.1 * std::sqrt(0.001 * tested) + 1.0);
+}
+
+}  // namespace
+}  // namespace crosstie::bundle
