@@ -22,7 +22,7 @@ int component(const std::string& name) {
   return letter == 'Y' || letter == 'B' ? 1 : letter == 'Z' || letter == 'C' ? 2 : 0;
 }
 
-HeadPose evaluate(const MachineFrame& frame, double axis_mm, bool with_terms) {
+HeadPose evaluate(const MachineFrame& frame, double axis_mm, bool with_terms, Eigen::MatrixXd* derivatives = nullptr) {
   const LinearAxis& axis = frame.axis;
   const double way = axis_mm - axis.middle_mm();
   const double stretch = 1.0 + 1e-6 * axis.scale_ppm;
@@ -63,6 +63,7 @@ HeadPose evaluate(const MachineFrame& frame, double axis_mm, bool with_terms) {
     }
     head.cov = jacobian * frame.cov * jacobian.transpose();
   }
+  if (derivatives != nullptr) *derivatives = jacobian;
   const double along = axis.reading_sigma_mm * axis.reading_sigma_mm;
   // A stop turns about the head itself and is shifted: the perturbation of the head's place, in the order of base::Pose.
   Matrix6d at_head = Matrix6d::Zero();
@@ -148,6 +149,12 @@ Result<HeadPose> MachineFrame::at(double axis_mm) const {
                     axis.from_mm, axis.to_mm, axis_mm));
   }
   return evaluate(*this, axis_mm, true);
+}
+
+Eigen::MatrixXd MachineFrame::jacobian(double axis_mm) const {
+  Eigen::MatrixXd derivatives;
+  (void)evaluate(*this, axis_mm, true, &derivatives);
+  return derivatives;
 }
 
 HeadPose MachineFrame::straight_at(double axis_mm) const { return evaluate(*this, axis_mm, false); }

@@ -147,7 +147,9 @@ struct MachineFrame {
 
   /// Error kBadInput where `axis_mm` lies outside of the travel: nothing is known of the error motions there.
   [[nodiscard]] Result<HeadPose> at(double axis_mm) const;
-  /// The same on the straight axis, without error motions, anywhere; its covariance says nothing of them.
+  /// Derivatives of the perturbation of at(axis_mm) by the parameters of `cov`, in their order: 6 x cov.rows().
+  [[nodiscard]] Eigen::MatrixXd jacobian(double axis_mm) const;
+  /// The pose on the straight axis, without error motions, anywhere; its covariance says nothing of them.
   [[nodiscard]] HeadPose straight_at(double axis_mm) const;
 };
 
@@ -289,7 +291,7 @@ struct HeadCheck {
     kHeadAndCross,  ///< both
   };
   struct Test {
-    std::string name;  ///< "epipolar", "relative pitch", "yaw", "machine_from_rig", "spheres", ...
+    std::string name;  ///< "rig", "head against cross", "spheres"; "relative pitch", "yaw", ...
     std::string unit;  ///< of value and sigma; empty: without unit
     double value = 0.0;
     double sigma = 0.0;      ///< 0 for tests of several values together
@@ -310,8 +312,8 @@ struct HeadCheck {
   std::array<bool, 6> rig_seen = {};        ///< determined by this pair
   Vector6d head_change = Vector6d::Zero();  ///< machine_from_rig now (through the cross) against the frame [rad, mm]
   Vector6d head_change_sigma = Vector6d::Zero();
-  double epipolar_rms_px = 0.0;
-  double rms_px = 0.0;  ///< of the markers against the cross, pose free
+  double epipolar_rms_px = 0.0;  ///< of markers that both cameras see, from the epipolar lines of the rig as commissioned
+  double rms_px = 0.0;           ///< of the markers against the cross, pose free
   std::vector<Commissioning::Rejected> rejected;
   std::vector<Warning> warnings;
 };

@@ -23,21 +23,17 @@ struct CheckInput {
 struct CheckOptions {
   double significance = 1e-3;        ///< probability that an unmoved rig is accused; the same of the head-or-cross test
   double temperature_limit_c = 5.0;  ///< of the head against its calibration, beyond which there is a warning
-  double tolerance_px = 20.0;        ///< beyond it from where it should be a marker's id is not believed
 
   [[nodiscard]] base::Result<> validate() const;
 };
 
 /// Whether head and frame still hold. The image points of one pair are compared with what the commissioning predicts, with the joint
 /// covariance of both; changes of the rig (right_from_left, 6) and of the head against the cross (6) are estimated together and each
-/// is tested with the other one free.
-///
-/// Where the cross is not in view, markers that both cameras see are compared along the epipolar lines: they tell the relative pitch and
-/// roll of the cameras, not their yaw nor the baseline, and nothing of the head's place.
+/// is tested with the other one free; of the rig all six together and each as if it alone had moved.
 ///
 /// One pair cannot tell whether the head moved on its carriage or the cross on the machine: probed_again does.
 ///
-/// Errors: kBadInput for a reading outside of the travel; kNoUniqueSolution where fewer than 6 common markers are seen.
+/// Errors: kBadInput for a reading outside of the travel; kNoUniqueSolution where fewer than 6 image points of markers of the cross are seen.
 base::Result<base::HeadCheck> check_head(const CheckInput& input, const CheckOptions& options = {});
 
 }  // namespace crosstie::bundle

@@ -1,0 +1,412 @@
+#include "bundle/check_head.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "bundle/detail/head_measurements.h"
+#include "math/distributions.h"
+
+namespace crosstie::bundle {
+namespace {
+
+using base::ErrorCode;
+using base::fail;
+using base::HeadCheck;
+using base::Matrix6d;
+using base::Pose;
+using base::Result;
+using base::Vector6d;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr int kLeastMarkers = 6;
+constexpr int kMaxSteps = 12;
+constexpr double kRayLevel = 1e-5;    // of an image point that no chance explains
+constexpr double kUnseen_rad = 1e-3;  // of a turn: its sigma beyond which the pair says nothing of it
+constexpr double kUnseen_mm = 1.0;
+
+/// A ray of this pair to a marker of the cross.
+struct Ray {
+  int camera = 0;
+  Index marker = 0;  ///< index into Commissioning::markers
+  Vector2d px;
+  Eigen::Matrix2d cov;
+};
+
+/// Where things stand in Commissioning::covariance.
+struct Layout {
+  Index left = 0, left_size = 0, right = 0, right_size = 0, rig = 0, frame = 0, frame_size = 0, cross = 0, markers = 0;
+};
+
+Result<Layout> layout_of(const base::Commissioning& known) {
+  Layout at;
+  at.left_size = base::parameter_count(known.head.left.model());
+  at.right_size = base::parameter_count(known.head.right.model());
+  at.right = at.left_size;
+  at.rig = at.right + at.right_size;
+  at.frame = at.rig + 6;
+  at.frame_size = known.frame.cov.rows();
+  at.cross = at.frame + at.frame_size;
+  at.markers = at.cross + 7;
+  const Index size = at.markers + 3 * static_cast<Index>(known.markers.size());
+  if (at.frame_size < 9 || known.covariance.rows() != size || known.covariance.cols() != size ||
+      !known.covariance.allFinite()) {
+    return fail(ErrorCode::kBadInput,
+                "the commissioning's covariance does not belong to its head, axis and markers: run commission again");
+  }
+  return at;
+}
+
+/// The pair, linearised: residual = seen - predicted = by_rig * rig change + by_head * head change + noise of covariance `cov`.
+struct Linear {
+  VectorXd residual;
+  MatrixXd by_rig;
+  MatrixXd by_head;
+  MatrixXd cov;
+};
+
+struct Estimate {
+  VectorXd x;
+  MatrixXd cov;
+  VectorXd residual;  ///< left after the fit
+  MatrixXd residual_cov;
+};
+
+Estimate estimate(const MatrixXd& design, const VectorXd& y, const MatrixXd& cov) {
+  const Eigen::LLT<MatrixXd> root(cov);
+  const MatrixXd a = root.matrixL().solve(design);
+  const VectorXd b = root.matrixL().solve(y);
+  const VectorXd scale = a.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+  const MatrixXd scaled = a * scale.asDiagonal();
+  const Eigen::LDLT<MatrixXd> normal(scaled.transpose() * scaled);
+  Estimate at;
+  at.x = scale.asDiagonal() * normal.solve(scaled.transpose() * b);
+  at.cov = scale.asDiagonal() * normal.solve(MatrixXd::Identity(scaled.cols(), scaled.cols())) * scale.asDiagonal();
+  at.residual = y - design * at.x;
+  at.residual_cov = cov - design * at.cov * design.transpose();
+  return at;
+}
+
+/// x' Cov^-1 x with the units of both sides of a pose taken out.
+double statistic(const VectorXd& x, const MatrixXd& cov) {
+  const VectorXd scale = cov.diagonal().cwiseSqrt().cwiseInverse();
+  const MatrixXd correlation = scale.asDiagonal() * cov * scale.asDiagonal();
+  const VectorXd scaled = scale.cwiseProduct(x);
+  return scaled.dot(correlation.ldlt().solve(scaled));
+}
+
+HeadCheck::Test chi_square_test(std::string name, double value, int dof, double level) {
+  HeadCheck::Test test{.name = std::move(name), .unit = "", .statistic = value, .dof = dof};
+  test.value = std::sqrt(value / std::max(dof, 1));
+  test.p = 1.0 - math::chi_square_cdf(value, dof);
+  test.accused = test.p < level;
+  return test;
+}
+
+class Check {
+ public:
+  Check(const CheckInput& input, const CheckOptions& options, const Layout& layout)
+      : input_(input), options_(options), known_(*input.commissioning), at_(layout) {}
+
+  Result<HeadCheck> run();
+
+ private:
+  void collect(const base::ImageObservations& image, int camera);
+  Result<> against_cross();
+  void conclude();
+  [[nodiscard]] bool linearise(const Pose& machine_from_rig, const Pose& right_from_left, Linear& linear) const;
+  void second_reference();
+  void compare_epipolar();
+
+  const CheckInput& input_;
+  const CheckOptions& options_;
+  const base::Commissioning& known_;
+  const Layout at_;
+  std::vector<Ray> rays_;
+  base::HeadPose predicted_;
+  MatrixXd by_frame_;  ///< perturbation of machine_from_rig by the frame's parameters
+  HeadCheck check_;
+  bool cross_accused_ = false;
+  bool spheres_tested_ = false;
+};
+
+void Check::collect(const base::ImageObservations& image, int camera) {
+  for (const base::Observation& seen : image.observations) {
+    if (seen.status != base::ObservationStatus::kCoded || !seen.centre_px.allFinite()) continue;
+    const auto marker =
+        std::find_if(known_.markers.begin(), known_.markers.end(), [&](const auto& m) { return m.id == seen.id; });
+    if (marker == known_.markers.end()) continue;
+    Eigen::Matrix2d cov = seen.cov_px2 * (known_.image_sigma_factor * known_.image_sigma_factor);
+    if (!cov.allFinite() || !(cov.trace() > 0.0)) cov = Eigen::Matrix2d::Identity() * (known_.sigma0_px * known_.sigma0_px);
+    rays_.push_back({camera, static_cast<Index>(marker - known_.markers.begin()), seen.centre_px, cov});
+  }
+}
+
+/// Derivatives of a pixel of one camera by everything that moves it.
+bool Check::linearise(const Pose& machine_from_rig, const Pose& right_from_left, Linear& linear) const {
+  const auto count = static_cast<Index>(rays_.size());
+  MatrixXd by_known = MatrixXd::Zero(2 * count, known_.covariance.rows());
+  linear.residual.resize(2 * count);
+  linear.by_rig = MatrixXd::Zero(2 * count, 6);
+  linear.by_head = MatrixXd::Zero(2 * count, 6);
+  MatrixXd noise = MatrixXd::Zero(2 * count, 2 * count);
+  const Pose rig_from_machine = machine_from_rig.inverse();
+  const Eigen::Matrix3d rig_turn = rig_from_machine.rotation.toRotationMatrix();
+  const Eigen::Matrix3d cross_turn = known_.machine_from_cross.rotation.toRotationMatrix();
+  for (Index i = 0; i < count; ++i) {
+    const Ray& ray = rays_[static_cast<std::size_t>(i)];
+    const bool right = ray.camera == 1;
+    const base::Camera& camera = right ? known_.head.right : known_.head.left;
+    const Vector3d p_in_machine = known_.machine_from_cross * known_.markers[static_cast<std::size_t>(ray.marker)].xyz_mm;
+    const Vector3d p_in_rig = rig_from_machine * p_in_machine;
+    const Vector3d p_in_camera = right ? right_from_left * p_in_rig : p_in_rig;
+    Eigen::Matrix<double, 2, 3> by_point;
+    base::ProjectionParameterJacobian by_lens;
+    const auto px = camera.project(p_in_camera, &by_point, &by_lens);
+    if (!px) return false;
+    linear.residual.segment<2>(2 * i) = ray.px - *px;
+    by_known.block(2 * i, right ? at_.right : at_.left, 2, by_lens.cols()) = by_lens;
+    Eigen::Matrix<double, 2, 3> by_rig_point = by_point;
+    if (right) {
+      Eigen::Matrix<double, 2, 6> by_pose;
+      by_pose << -by_point * base::skew(p_in_camera), by_point;
+      by_known.block<2, 6>(2 * i, at_.rig) = by_pose;
+      linear.by_rig.middleRows<2>(2 * i) = by_pose;
+      by_rig_point = by_point * right_from_left.rotation.toRotationMatrix();
+    }
+    const Eigen::Matrix<double, 2, 3> by_machine = by_rig_point * rig_turn;
+    Eigen::Matrix<double, 2, 6> by_shift;  // by a perturbation of what the point is carried by, in machine
+    by_shift << -by_machine * base::skew(p_in_machine), by_machine;
+    linear.by_head.middleRows<2>(2 * i) = -by_shift;
+    by_known.block<2, 6>(2 * i, at_.cross) = by_shift;
+    by_known.block(2 * i, at_.frame, 2, at_.frame_size) = -by_shift * by_frame_;
+    by_known.block<2, 3>(2 * i, at_.markers + 3 * ray.marker) = by_machine * cross_turn;
+    noise.block<2, 2>(2 * i, 2 * i) = ray.cov;
+  }
+  linear.cov = by_known * known_.covariance * by_known.transpose() +
+               linear.by_head * predicted_.stop_cov * linear.by_head.transpose() + noise;
+  return true;
+}
+
+Result<> Check::against_cross() {
+  for (;;) {
+    if (static_cast<int>(rays_.size()) < kLeastMarkers) {
+      return fail(ErrorCode::kNoUniqueSolution,
+                  fmt::format("{} image points of markers of the cross are seen in this pair, {} are needed", rays_.size(),
+                              kLeastMarkers));
+    }
+    Pose machine_from_rig = predicted_.machine_from_rig;
+    Pose right_from_left = known_.head.right_from_left;
+    Vector6d head_change = Vector6d::Zero();
+    Vector6d rig_change = Vector6d::Zero();
+    Linear linear;
+    Estimate both;
+    for (int step = 0; step < kMaxSteps; ++step) {
+      if (!linearise(machine_from_rig, right_from_left, linear)) {
+        return fail(ErrorCode::kNoUniqueSolution,
+                    "the pair cannot be compared: markers of the cross lie behind the cameras as predicted; is "
+                    "the axis reading that of this pair?");
+      }
+      MatrixXd design(linear.residual.size(), 12);
+      design << linear.by_rig, linear.by_head;
+      // Changes so far are part of the model: about them, all of the change is estimated anew.
+      VectorXd so_far(12);
+      so_far << rig_change, head_change;
+      both = estimate(design, linear.residual + design * so_far, linear.cov);
+      rig_change = both.x.head<6>();
+      head_change = both.x.tail<6>();
+      right_from_left = base::perturbed(known_.head.right_from_left, rig_change);
+      machine_from_rig = base::perturbed(predicted_.machine_from_rig, head_change);
+      if ((both.x - so_far).cwiseQuotient(both.cov.diagonal().cwiseSqrt()).norm() < 1e-3) break;
+    }
+    // A wrong id is not a moved head.
+    double worst = 0.0;
+    std::size_t culprit = 0;
+    for (std::size_t i = 0; i < rays_.size(); ++i) {
+      const auto at = 2 * static_cast<Index>(i);
+      const Eigen::Matrix2d cov = both.residual_cov.block<2, 2>(at, at);
+      const Vector2d residual = both.residual.segment<2>(at);
+      const double square = residual.dot(cov.ldlt().solve(residual));
+      if (square <= worst) continue;
+      worst = square;
+      culprit = i;
+    }
+    if (worst > math::chi_square_quantile(1.0 - kRayLevel, 2.0)) {
+      const Ray& ray = rays_[culprit];
+      check_.rejected.push_back(
+          {ray.camera == 1 ? "right" : "left", known_.markers[static_cast<std::size_t>(ray.marker)].id,
+           fmt::format("blunder: its residual is {:.1f} times what the sigmas allow", std::sqrt(0.5 * worst)),
+           std::sqrt(0.5 * worst)});
+      rays_.erase(rays_.begin() + static_cast<std::ptrdiff_t>(culprit));
+      continue;
+    }
+    check_.rig_change = rig_change;
+    check_.head_change = head_change;
+    check_.rig_change_sigma = both.cov.diagonal().head<6>().cwiseSqrt();
+    check_.head_change_sigma = both.cov.diagonal().tail<6>().cwiseSqrt();
+    for (Index i = 0; i < 6; ++i) {
+      check_.rig_seen[static_cast<std::size_t>(i)] = check_.rig_change_sigma(i) < (i < 3 ? kUnseen_rad : kUnseen_mm);
+    }
+    check_.rms_px = std::sqrt(both.residual.squaredNorm() / static_cast<double>(rays_.size()));
+    check_.cross_markers = static_cast<int>(rays_.size());
+    // All six together, and each as if it alone had moved, which is sharper for a single cause: seven tests share the level.
+    const Matrix6d rig_cov = both.cov.topLeftCorner<6, 6>();
+    HeadCheck::Test rig = chi_square_test("rig", statistic(rig_change, rig_cov), 6, options_.significance / 7.0);
+    const Vector6d scale = rig_cov.diagonal().cwiseSqrt().cwiseInverse();
+    const Matrix6d correlation = scale.asDiagonal() * rig_cov * scale.asDiagonal();
+    const Matrix6d weight = scale.asDiagonal() * Matrix6d(correlation.inverse()) * scale.asDiagonal();
+    for (Index i = 0; i < 6; ++i) {
+      const double alone = weight.row(i).dot(rig_change) / std::sqrt(weight(i, i));
+      rig.accused = rig.accused || std::erfc(std::abs(alone) / std::sqrt(2.0)) < options_.significance / 7.0;
+    }
+    check_.tests.push_back(std::move(rig));
+    check_.tests.push_back(chi_square_test("head against cross", statistic(head_change, both.cov.bottomRightCorner<6, 6>()), 6,
+                                           options_.significance));
+    constexpr const char* kNames[] = {"relative pitch", "yaw", "roll", "baseline x", "baseline y", "baseline z"};
+    for (Index i = 0; i < 6; ++i) {
+      HeadCheck::Test test{
+          .name = kNames[i], .unit = i < 3 ? "rad" : "mm", .value = rig_change(i), .sigma = check_.rig_change_sigma(i)};
+      test.dof = 1;
+      test.statistic = std::pow(test.value / test.sigma, 2);
+      test.p = std::erfc(std::sqrt(0.5 * test.statistic));
+      check_.tests.push_back(std::move(test));  // tells what moved; the test of all six accuses
+    }
+    return {};
+  }
+}
+
+void Check::compare_epipolar() {
+  const Pose& right_from_left = known_.head.right_from_left;
+  double square = 0.0;
+  for (const Ray& left : rays_) {
+    for (const Ray& right : rays_) {
+      if (left.camera != 0 || right.camera != 1 || left.marker != right.marker) continue;
+      const auto a = known_.head.left.unproject(left.px);
+      const auto b = known_.head.right.unproject(right.px);
+      if (!a || !b) continue;
+      ++check_.common_markers;
+      const Vector3d normal = right_from_left.translation_mm.cross(right_from_left.rotation * *a).normalized();
+      square += std::pow(normal.dot(*b / b->z()) * known_.head.right.focal_px().mean(), 2);
+    }
+  }
+  if (check_.common_markers > 0) check_.epipolar_rms_px = std::sqrt(square / check_.common_markers);
+}
+
+void Check::second_reference() {
+  if (input_.probed_again.empty()) return;
+  // The cross's spheres, probed then and now; their common motion against no motion.
+  std::vector<std::pair<const base::CommissionedSphere*, const base::ProbedSphere*>> pairs;
+  for (const base::ProbedSphere& now : input_.probed_again) {
+    const auto then = std::find_if(known_.spheres.begin(), known_.spheres.end(), [&](const auto& s) { return s.id == now.id; });
+    if (then != known_.spheres.end()) pairs.emplace_back(&*then, &now);
+  }
+  if (pairs.size() < 3) {
+    check_.warnings.push_back(
+        {"few_spheres", "spheres",
+         "fewer than three spheres of the commissioning were probed again: they do not tell the head from the cross"});
+    return;
+  }
+  // Adjusted centres are common to all by machine_from_cross: the joint covariance is its part and the probing's.
+  const auto count = static_cast<Index>(pairs.size());
+  MatrixXd design(3 * count, 6);
+  VectorXd y(3 * count);
+  MatrixXd cov = MatrixXd::Zero(3 * count, 3 * count);
+  for (Index i = 0; i < count; ++i) {
+    const auto& [then, now] = pairs[static_cast<std::size_t>(i)];
+    y.segment<3>(3 * i) = now->centre_mm - then->centre_mm;
+    design.middleRows<3>(3 * i) << -base::skew(then->centre_mm), Eigen::Matrix3d::Identity();
+    const Eigen::Matrix3d frame =
+        base::position_covariance({Eigen::Quaterniond::Identity(), then->centre_mm}, known_.machine_from_cross_cov);
+    Eigen::Matrix3d own = then->cov_mm2 - frame;  // the ball's place on the cross
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(own);
+    own = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
+    cov.block<3, 3>(3 * i, 3 * i) = now->cov_mm2 + own;
+  }
+  const Estimate moved = estimate(design, y, cov);
+  const MatrixXd total = moved.cov + known_.machine_from_cross_cov;
+  check_.tests.push_back(chi_square_test("spheres", statistic(moved.x, total), 6, options_.significance));
+  cross_accused_ = check_.tests.back().accused;
+  spheres_tested_ = true;
+}
+
+void Check::conclude() {
+  const auto accused = [&](const char* name) {
+    return std::any_of(check_.tests.begin(), check_.tests.end(), [&](const auto& t) { return t.name == name && t.accused; });
+  };
+  const bool rig = accused("rig");
+  const bool head = accused("head against cross");
+  using Verdict = HeadCheck::Verdict;
+  if (rig) {
+    check_.verdict = Verdict::kRig;
+    check_.message = "the cameras moved against each other since the commissioning: calibrate the rig and commission again";
+    if (head) check_.message += "; the left camera also stands elsewhere against the cross";
+  } else if (spheres_tested_ && (head || cross_accused_)) {
+    check_.verdict = head && !cross_accused_ ? Verdict::kHead : head ? Verdict::kHeadOrCross : Verdict::kCross;
+    check_.message =
+        head && !cross_accused_
+            ? "the head moved on its carriage: the spheres stand where they stood, the cameras do not; commission again"
+            : "the cross moved on the machine, as its spheres say" +
+                  std::string(head ? "; whether the head moved too is told only by a new commissioning" : "");
+    if (head && cross_accused_) check_.verdict = Verdict::kCross;
+  } else if (head) {
+    check_.verdict = Verdict::kHeadOrCross;
+    check_.message =
+        "the head on its carriage or the cross on the machine moved; one pair cannot tell which: probe the spheres again";
+  } else {
+    check_.verdict = Verdict::kHolds;
+    check_.message = "rig and frame hold";
+  }
+}
+
+Result<HeadCheck> Check::run() {
+  auto predicted = known_.frame.at(input_.axis_mm);
+  if (!predicted) return fail(std::move(predicted));
+  predicted_ = *predicted;
+  by_frame_ = known_.frame.jacobian(input_.axis_mm);
+  check_.axis_mm = input_.axis_mm;
+  check_.level = options_.significance;
+  collect(input_.left, 0);
+  collect(input_.right, 1);
+  compare_epipolar();
+  if (auto compared = against_cross(); !compared) return fail(std::move(compared));
+  second_reference();
+  if (input_.temperature_c && known_.head.temperature_c) {
+    const double off = *input_.temperature_c - *known_.head.temperature_c;
+    if (std::abs(off) > options_.temperature_limit_c) {
+      check_.warnings.push_back(
+          {"head_temperature", "head",
+           fmt::format("the head is {:+.1f} K from its calibration's temperature, more than {:.1f} K: let it warm up, or "
+                       "calibrate it at this temperature",
+                       off, options_.temperature_limit_c)});
+    }
+  }
+  conclude();
+  return check_;
+}
+
+}  // namespace
+
+Result<> CheckOptions::validate() const {
+  if (!(significance > 0.0 && significance < 0.5) || !(temperature_limit_c > 0.0)) {
+    return fail(ErrorCode::kUsage, "the level of significance lies between 0 and 0.5, the limit of temperature is positive");
+  }
+  return {};
+}
+
+Result<HeadCheck> check_head(const CheckInput& input, const CheckOptions& options) {
+  if (auto valid = options.validate(); !valid) return fail(std::move(valid));
+  if (input.commissioning == nullptr) return fail(ErrorCode::kUsage, "a check needs the result of a commissioning");
+  auto layout = layout_of(*input.commissioning);
+  if (!layout) return fail(std::move(layout));
+  return Check(input, options, *layout).run();
+}
+
+}  // namespace crosstie::bundle
