@@ -127,8 +127,7 @@ Result<HeadCheckOutcome> check_head_step(const Job& job, const HeadCheckTask& ta
   const base::ResultEnvelope envelope{"check", "machine", std::move(inputs), std::move(verdicts), check->warnings};
   ordered_json options = {{"axis_mm", task.axis_mm},
                           {"significance", check_options.significance},
-                          {"temperature_limit_c", check_options.temperature_limit_c},
-                          {"tolerance_px", check_options.tolerance_px}};
+                          {"temperature_limit_c", check_options.temperature_limit_c}};
   if (task.temperature_c) options["temperature_c"] = *task.temperature_c;
   const std::string html = report::head_check_report(*check, verdict_line(check->verdict),
                                                      {"Check of the head", job.name, envelope, options.dump(2)});
