@@ -63,6 +63,7 @@ Verb verify_verb();
 Verb run_verb();
 Verb simulate_verb();
 Verb targets_verb();
+Verb commission_verb();
 Verb convert_verb();
 Verb fit_verb();
 
