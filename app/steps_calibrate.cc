@@ -16,6 +16,7 @@
 #include "base/npy.h"
 #include "base/result_document.h"
 #include "calib/compare_corners.h"
+#include "calib/second_opinion.h"
 #include "report/calibration_report.h"
 #include "report/calibration_tables.h"
 
@@ -141,6 +142,19 @@ std::vector<base::DetectorTrial> detector_trials(const CalibrationTask& task, co
   return trials;
 }
 
+/// The same corners by mrcal, with a rigid board; where it gives none, why.
+base::SecondOpinion opinion_on(const Calibration& calibration) {
+  calib::SecondOpinionOptions options;
+  const base::LensModel lens = calibration.cameras.front().camera.model();
+  options.lens = lens == base::LensModel::kPinhole ? base::LensModel::kOpenCv4 : lens;
+  auto opinion = calib::second_opinion(calibration, options);
+  if (opinion) return *std::move(opinion);
+  base::SecondOpinion none;
+  none.program = "mrcal";
+  none.failure = opinion.error().message;
+  return none;
+}
+
 Result<Calibration> calibration_of(const CalibrationTask& task, const std::vector<FoundCorners>& found, Session& session) {
   calib::CalibrateOptions options = task.options;
   options.threads = session.threads();
@@ -150,6 +164,7 @@ Result<Calibration> calibration_of(const CalibrationTask& task, const std::vecto
     const auto temperature = task.temperatures_c.find(camera.name);
     if (temperature != task.temperatures_c.end()) camera.temperature_c = temperature->second;
   }
+  calibration->second_opinion = opinion_on(*calibration);
   calibration->detectors = detector_trials(task, found, *calibration, session);
   const std::vector<base::Warning> own = warnings_of(task);
   calibration->warnings.insert(calibration->warnings.end(), own.begin(), own.end());
