@@ -1,4 +1,4 @@
-// crosstie commission: the head in the machine's frame
+// crosstie commission: the head in the machine's frame, and whether it still holds
 
 #include <fmt/core.h>
 
@@ -12,10 +12,34 @@ namespace {
 using base::ErrorCode;
 using base::Result;
 
+Result<Outcome> check(const Job& job, const Arguments& arguments, const std::filesystem::path& results, Session& session) {
+  const auto axis_mm = arguments.number("--axis-mm");
+  if (!axis_mm) return tl::unexpected(axis_mm.error());
+  if (!*axis_mm) return base::fail(ErrorCode::kUsage, "--check needs --axis-mm, the axis's reading where the pair was taken");
+  const auto temperature_c = arguments.number("--temperature-c");
+  if (!temperature_c) return tl::unexpected(temperature_c.error());
+  const std::vector<std::string> pair = arguments.all("--check");
+  if (pair.size() != 2) return base::fail(ErrorCode::kUsage, "--check takes two images: LEFT RIGHT");
+  HeadCheckTask task{
+      .left = pair[0], .right = pair[1], .axis_mm = **axis_mm, .probed_again = {}, .temperature_c = *temperature_c};
+  if (const auto file = arguments.get("--probed-again")) task.probed_again = *file;
+  const auto out = arguments.get("--out");
+  const auto checked =
+      check_head_step(job, task, results / "commission", out ? std::filesystem::path(*out) : results / "check", session);
+  if (!checked) return tl::unexpected(checked.error());
+  for (const std::string& line : checked->lines) session.print(line);
+  session.say((checked->step.folder / "report.html").string());
+  return checked->step.outcome;
+}
+
 Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto job = read_job(*arguments.get("JOB"));
   if (!job) return tl::unexpected(job.error());
   const auto results = job->folder / "results";
+  if (arguments.has("--check")) return check(*job, arguments, results, session);
+  for (const char* option : {"--axis-mm", "--temperature-c", "--probed-again"}) {
+    if (arguments.has(option)) return base::fail(ErrorCode::kUsage, std::string(option) + " goes with --check");
+  }
   if (auto complete = check_commission(*job); !complete) return base::fail(std::move(complete));
   const auto tell = [&](const char* verb, const StepOutcome& step) {
     session.say(fmt::format("{:<11}{}", verb, step.summary));
@@ -34,18 +58,21 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
 
 Verb commission_verb() {
   return {"commission",
-          "tie the scanning head to the machine's frame: rig, axis, error motions, with covariance",
+          "tie the scanning head to the machine's frame: rig, axis, error motions; check whether it still holds",
           "  $ crosstie commission machine\n"
-          "  calibrate  51 images of 2 cameras, opencv5, rms 0.034 px (held out 0.036 px), baseline 800.641 +- 0.033 mm, 3 "
-          "rejected, 8 "
-          "warnings\n"
           "  stations   10 images, 349 coded markers\n"
           "  commission 5 stations from 0.0068 to 999.994 mm, direction +- 0.014 mrad, scale 80 +- 14 ppm, EYX EAX EBX, FRE "
-          "0.008 mm, "
-          "sigma0 0.0023 px, 0 rejected, 2 warnings\n"
+          "0.008 mm, sigma0 0.0023 px, 0 rejected, 2 warnings\n"
           "  machine/results/commission/result.json",
           {{"JOB", "JOB", "job folder or its job.toml", true, false},
-           {"--out", "DIR", "folder for the result (default: JOB/results/commission); replaced as a whole", false, false}},
+           {"--out", "DIR", "folder for the result (default: JOB/results/commission, with --check JOB/results/check)", false,
+            false},
+           {"--check", "LEFT RIGHT", "instead: does the commissioning still hold? One new pair of images of the cross", false,
+            false, 2},
+           {"--axis-mm", "MM", "with --check: reading of the X axis where the pair was taken", false, false},
+           {"--probed-again", "FILE", "with --check: centres of the cross's spheres, probed now; tells the head from the cross",
+            false, false},
+           {"--temperature-c", "C", "with --check: temperature of the head now, degrees C", false, false}},
           run};
 }
 
