@@ -27,7 +27,8 @@ JobCamera read_camera(const JobTable& table, const std::string& name) {
   if (const auto sigmas = table.table("sigmas")) {
     for (const std::string& parameter : sigmas->keys()) {
       std::optional<double> sigma;
-      sigmas->number(parameter, sigma, Domain::kNotNegative);
+      sigmas->number(parameter, sigma, Domain::kAny);
+      if (sigma && *sigma < 0.0) sigmas->complain(parameter, fmt::format("the sigma of {} must be 0 or larger", parameter));
       if (sigma) camera.sigmas[parameter] = *sigma;
     }
   }
