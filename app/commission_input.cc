@@ -6,6 +6,7 @@
 
 #include "app/current.h"
 #include "app/detected_images.h"
+#include "app/head_files.h"
 #include "app/probed_spheres.h"
 #include "app/steps.h"
 #include "base/calibration_reader.h"
@@ -46,34 +47,17 @@ Result<fs::path> calibration_folder(const Job& job, const CommissionSources& sou
   return *folder;
 }
 
-Result<base::Head> head_of(const Job& job, const CommissionSources& sources) {
+Result<base::Head> calibrated_head(const Job& job, const CommissionSources& sources) {
   const auto folder = calibration_folder(job, sources);
   if (!folder) return tl::unexpected(folder.error());
   const auto calibration = base::read_calibration(*folder);
   if (!calibration) return tl::unexpected(calibration.error());
   const auto [left, right] = head_cameras(job);
-  const auto camera = [&](const std::string& name) {
-    return std::find_if(calibration->cameras.begin(), calibration->cameras.end(),
-                        [&](const base::CalibratedCamera& one) { return one.name == name; });
-  };
-  const auto left_camera = camera(left);
-  const auto right_camera = camera(right);
-  if (left_camera == calibration->cameras.end() || right_camera == calibration->cameras.end()) {
-    return bad_job(job, fmt::format("{} holds no cameras {} and {}", folder->string(), left, right));
-  }
   if (!calibration->rig || calibration->rig->left != left || calibration->rig->right != right) {
     return bad_job(job, fmt::format("{} holds no rig of {} and {}: calibrate both by pairs of images of the same moment",
                                     folder->string(), left, right));
   }
-  auto cov = base::joint_covariance(*calibration, {left, right}, true);
-  if (!cov) return base::fail(std::move(cov));
-  return base::Head{.left_name = left,
-                    .right_name = right,
-                    .left = left_camera->camera,
-                    .right = right_camera->camera,
-                    .right_from_left = calibration->rig->right_from_left,
-                    .cov = std::move(*cov),
-                    .temperature_c = left_camera->temperature_c};
+  return head_of(*calibration);
 }
 
 /// The points of the job's own adjustment with their full covariance.
@@ -168,7 +152,7 @@ Result<> check_commission(const Job& job) {
 
 Result<bundle::CommissionInput> commission_input(const Job& job, const CommissionSources& sources,
                                                  std::vector<base::Warning>& warnings) {
-  auto head = head_of(job, sources);
+  auto head = calibrated_head(job, sources);
   if (!head) return base::fail(std::move(head));
   auto cross = cross_of(job, sources);
   if (!cross) return base::fail(std::move(cross));

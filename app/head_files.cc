@@ -1,5 +1,7 @@
 #include "app/head_files.h"
 
+#include <algorithm>
+
 #include <fmt/core.h>
 
 #include "base/calibration_reader.h"
@@ -14,23 +16,36 @@ using base::ErrorCode;
 using base::Result;
 
 Result<HeadFiles> from_calibration(const fs::path& folder) {
-  auto calibration = base::read_calibration(folder);
-  if (!calibration) return base::fail(std::move(calibration));
-  if (!calibration->rig || calibration->cameras.size() != 2) {
-    return base::fail(ErrorCode::kBadInput,
-                      fmt::format("{}: the calibration holds no pair of cameras on a rig", base::shown(folder)));
-  }
-  auto covariance = base::joint_covariance(*calibration, {calibration->rig->left, calibration->rig->right}, true);
-  if (!covariance) return base::fail(std::move(covariance));
-  const bool in_order = calibration->cameras[0].name == calibration->rig->left;
-  const auto& left = calibration->cameras[in_order ? 0 : 1];
-  const auto& right = calibration->cameras[in_order ? 1 : 0];
-  return HeadFiles{
-      {left.name, right.name, left.camera, right.camera, calibration->rig->right_from_left, *std::move(covariance), {}},
-      {folder / "result.json"}};
+  const auto calibration = base::read_calibration(folder);
+  if (!calibration) return tl::unexpected(calibration.error());
+  auto head = head_of(*calibration);
+  if (!head) return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", base::shown(folder), head.error().message));
+  return HeadFiles{*std::move(head), {folder / "result.json"}};
 }
 
 }  // namespace
+
+Result<base::Head> head_of(const base::Calibration& calibration) {
+  const auto camera = [&](const std::string& name) {
+    return std::find_if(calibration.cameras.begin(), calibration.cameras.end(),
+                        [&](const base::CalibratedCamera& one) { return one.name == name; });
+  };
+  if (!calibration.rig) return base::fail(ErrorCode::kBadInput, "the calibration holds no pair of cameras on a rig");
+  const auto left = camera(calibration.rig->left);
+  const auto right = camera(calibration.rig->right);
+  if (left == calibration.cameras.end() || right == calibration.cameras.end()) {
+    return base::fail(ErrorCode::kBadInput, "the calibration's rig is of cameras that it does not hold");
+  }
+  auto cov = base::joint_covariance(calibration, {left->name, right->name}, true);
+  if (!cov) return base::fail(std::move(cov));
+  return base::Head{.left_name = left->name,
+                    .right_name = right->name,
+                    .left = left->camera,
+                    .right = right->camera,
+                    .right_from_left = calibration.rig->right_from_left,
+                    .cov = *std::move(cov),
+                    .temperature_c = left->temperature_c};
+}
 
 Result<HeadFiles> read_head(const std::string& text, int width_px, int height_px) {
   const std::size_t comma = text.find(',');

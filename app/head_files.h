@@ -4,10 +4,15 @@
 #include <string>
 #include <vector>
 
+#include "base/calibration.h"
 #include "base/machine.h"
 #include "base/result.h"
 
 namespace crosstie::app {
+
+/// The rig of a calibration with both its lenses and their joint covariance; the temperature is the left camera's. kBadInput where it
+/// holds no rig.
+base::Result<base::Head> head_of(const base::Calibration& calibration);
 
 /// A calibrated head with the files that it was read from.
 struct HeadFiles {

@@ -10,6 +10,7 @@
 
 #include "calib/calibrate.h"
 #include "calib/detail/mrcal_solve.h"
+#include "calib/detail/spline_lens.h"
 #include "math/projection_difference.h"
 
 namespace crosstie::calib {
@@ -35,36 +36,11 @@ Result<> check(const Calibration& calibration, const SecondOpinionOptions& optio
   return {};
 }
 
-/// Control points with which a splined model projects as `camera` does, as far as its image reaches: linear least squares, with a
-/// weak pull to zero for those that no pixel feels.
-VectorXd splined_start(const base::Camera& camera, base::LensModel splined) {
-  constexpr int kColumns = 48;
-  constexpr double kPull_px = 1e-2;  // per unit of a control point, which moves pixels by a focal length
-  VectorXd parameters = VectorXd::Zero(base::parameter_count(splined));
-  parameters.head<2>() = camera.focal_px();
-  parameters.segment<2>(2) = camera.principal_point_px();
-  const base::ImageGrid grid = base::ImageGrid::over(camera.width_px(), camera.height_px(), kColumns);
-  const Eigen::Index count = parameters.size();
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Identity(count - 4, count - 4) * (kPull_px * kPull_px);
-  VectorXd right = VectorXd::Zero(count - 4);
-  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> by_parameters(2, count);
-  for (int i = 0; i < grid.count(); ++i) {
-    const Eigen::Vector2d pixel = grid.middle_px(i);
-    const auto ray = camera.unproject(pixel);
-    Eigen::Vector2d projected;
-    if (!ray || !base::project_bare(splined, parameters.data(), ray->data(), projected.data(), nullptr, by_parameters.data())) {
-      continue;
-    }
-    const auto rows = by_parameters.rightCols(count - 4);
-    normal.selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
-    right.noalias() += rows.transpose() * (pixel - projected);
-  }
-  parameters.tail(count - 4) = normal.selfadjointView<Eigen::Lower>().ldlt().solve(right);
-  return parameters;
-}
-
-/// The parameters that both models have, by their names; what only `wanted` has is zero.
-VectorXd opencv_start(const base::Camera& camera, base::LensModel wanted) {
+/// Parameters of `wanted` that project as `camera` does as nearly as they can: of OpenCV's models those that both have, by their names,
+/// zero for what only `wanted` has.
+VectorXd start_of(const base::Camera& camera, base::LensModel wanted) {
+  if (camera.model() == wanted) return camera.parameters();
+  if (wanted.is_splined()) return detail::as_spline(camera.parameters(), camera.model(), wanted);
   VectorXd parameters = VectorXd::Zero(base::parameter_count(wanted));
   const auto from = base::parameter_names(camera.model());
   const auto to = base::parameter_names(wanted);
@@ -88,9 +64,7 @@ MrcalProblem problem_of(const Calibration& calibration, const SecondOpinionOptio
   problem.pitch_mm = (nominal.col(1) - nominal.col(0)).norm();
   for (const auto& one : calibration.cameras) {
     const base::Camera& camera = one.camera;
-    problem.cameras.push_back(
-        {camera.width_px(), camera.height_px(),
-         options.lens.is_splined() ? splined_start(camera, options.lens) : opencv_start(camera, options.lens)});
+    problem.cameras.push_back({camera.width_px(), camera.height_px(), start_of(camera, options.lens)});
   }
   if (calibration.rig) problem.right_from_left = calibration.rig->right_from_left;
   const base::Pose middle_from_first{Eigen::Quaterniond::Identity(), nominal.col(0)};

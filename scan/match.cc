@@ -12,6 +12,7 @@
 
 #include "base/parallel.h"
 #include "scan/detail/guard.h"
+#include "scan/detail/median.h"
 #include "scan/detail/rectified_map.h"
 #include "scan/detail/smooth.h"
 
@@ -211,7 +212,7 @@ class Matcher {
     return target_.second != nullptr ? target_.second_smooth : target_.y_px;
   }
   [[nodiscard]] double second_step(const PhaseMap& map) const {
-    return target_.second != nullptr ? std::max(1e-6, detail::slope_of(*target_.second, map.width, map.height).median) : 1.0;
+    return target_.second != nullptr ? std::max(1e-6, detail::median_slope(*target_.second, map.width, map.height)) : 1.0;
   }
 
   /// From a pixel to the cell in which both coordinates are met.
@@ -296,10 +297,7 @@ double slope_along_curves(const PhasePlane& plane, const Target& target, int wid
       if (std::isfinite(slope)) slopes.push_back(slope);
     }
   }
-  if (slopes.empty()) return 0.0;
-  const auto middle = slopes.begin() + static_cast<std::ptrdiff_t>(slopes.size() / 2);
-  std::nth_element(slopes.begin(), middle, slopes.end());
-  return *middle;
+  return detail::median(slopes);
 }
 
 /// Pixels to either side over which phases are averaged so that their slope is known to a tenth.
@@ -313,11 +311,8 @@ int smoothing_radius(const PhasePlane& plane, const Target& target, int width, i
       if (target.good[at]) sigmas.push_back(plane.sigma_turns[at]);
     }
   }
-  if (sigmas.empty()) return 0;
-  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
-  std::nth_element(sigmas.begin(), middle, sigmas.end());
   // Means about neighbours share all pixels but two columns: their difference has the sigma sqrt(2 (2 r + 1)) sigma / (2 r + 1)^2.
-  const double ratio = static_cast<double>(*middle) / std::abs(target.slope);
+  const double ratio = detail::median(sigmas) / std::abs(target.slope);
   int radius = 0;
   while (radius < kMost && std::numbers::sqrt2 * ratio / std::pow(2.0 * radius + 1.0, 1.5) > 0.1) ++radius;
   return radius;
@@ -339,13 +334,9 @@ Result<> check(const PhaseMap& left, const PhaseMap& right, const base::Head& he
 /// Signed median and 1.4826 times the median absolute deviation from it.
 std::pair<double, double> median_and_mad(std::vector<float> values) {
   std::erase_if(values, [](float v) { return std::isnan(v); });
-  if (values.empty()) return {0.0, 0.0};
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  const float median = *middle;
-  for (float& v : values) v = std::abs(v - median);
-  std::nth_element(values.begin(), middle, values.end());
-  return {median, 1.4826 * static_cast<double>(*middle)};
+  const double median = detail::median(values);
+  for (float& v : values) v = std::abs(v - static_cast<float>(median));
+  return {median, 1.4826 * detail::median(values)};
 }
 
 }  // namespace
@@ -396,7 +387,7 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
   if (!done) return fail(std::move(done));
   for (std::size_t i = 0; i < target.good.size(); ++i) target.good[i] = target.good[i] && !std::isnan(target.x_px[i]);
   target.slope = slope_along_curves(*target.first, target, right.width, right.height);
-  if (!(std::abs(target.slope) > 0.1 * detail::slope_of(*target.first, right.width, right.height).median)) {
+  if (!(std::abs(target.slope) > 0.1 * detail::median_slope(*target.first, right.width, right.height))) {
     return fail(
         ErrorCode::kNoUniqueSolution,
         fmt::format("the fringes of the axis {} run along the line from camera to camera and tell no depth; turn them by 90 "

@@ -31,8 +31,8 @@ struct PatternOptions {
   [[nodiscard]] base::Result<> validate() const;
 };
 
-/// The sequence: white and black, the Gray codes and fringes of each direction, white and black once more, so that movement and
-/// changes of light show. Files are named in their order, "00.png" on.
+/// The sequence: white and black, the Gray codes and fringes of each direction, white and black once more. Files are named in their
+/// order, "00.png" on. (Decoder does not look at white and black; they are there for markers and for the eye.)
 base::Result<base::PatternSequence> make_patterns(const PatternOptions& options);
 
 /// The image that the projector shows for a pattern of make_patterns(options), 8 bits.

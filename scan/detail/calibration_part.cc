@@ -8,6 +8,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "scan/detail/median.h"
+
 namespace crosstie::scan::detail {
 namespace {
 
@@ -77,9 +79,7 @@ std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& de
     if (!std::isnan(depths.depth_mm[i])) known.push_back(depths.depth_mm[i]);
   }
   if (known.empty()) return std::vector<float>(depths.depth_mm.size(), 0.0F);
-  const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
-  std::nth_element(known.begin(), middle, known.end());
-  const double depth = *middle;
+  const double depth = median(known);
 
   // Sigma over the square of the depth, which changes slowly.
   const int columns = (depths.width + kSpacing - 1) / kSpacing + 1;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scan/detail/median.h"
+
 namespace crosstie::scan::detail {
 namespace {
 
@@ -10,13 +12,6 @@ constexpr int kSampleEvery = 5;
 constexpr float kJumpSlopes = 4.0F;
 constexpr float kJumpSigmas = 6.0F;
 constexpr float kFading = 2.0F;  // times the largest sigma that is taken: light that fades, no end of a surface
-
-double median_of(std::vector<float>& values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Marks what lies within `reach` of a marked entry of a line.
 void spread(const char* bad, std::size_t count, std::size_t stride, int reach, char* out) {
@@ -37,7 +32,7 @@ float largest_sigma(const base::PhaseMap& map, std::size_t pixel) {
 }
 
 void mark_jumps(const base::PhasePlane& plane, int width, int height, std::vector<char>& bad) {
-  const auto limit = kJumpSlopes * static_cast<float>(slope_of(plane, width, height).median);
+  const auto limit = kJumpSlopes * static_cast<float>(median_slope(plane, width, height));
   const auto mark = [&](std::size_t a, std::size_t b) {
     const float noise = kJumpSigmas * std::max(plane.sigma_turns[a], plane.sigma_turns[b]);
     if (std::abs(plane.turns[a] - plane.turns[b]) > limit + noise) bad[a] = bad[b] = 1;  // never true where there is none
@@ -53,7 +48,7 @@ void mark_jumps(const base::PhasePlane& plane, int width, int height, std::vecto
 
 }  // namespace
 
-PlaneSlope slope_of(const base::PhasePlane& plane, int width, int height) {
+double median_slope(const base::PhasePlane& plane, int width, int height) {
   std::vector<float> across, down;
   for (int y = 0; y + 1 < height; y += kSampleEvery) {
     for (int x = 0; x + 1 < width; x += kSampleEvery) {
@@ -64,7 +59,7 @@ PlaneSlope slope_of(const base::PhasePlane& plane, int width, int height) {
       if (!std::isnan(below)) down.push_back(below);
     }
   }
-  return {std::max(median_of(across), median_of(down))};
+  return std::max(median(across), median(down));
 }
 
 std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px) {

@@ -6,11 +6,8 @@
 
 namespace crosstie::scan::detail {
 
-/// Change of a plane's coordinate from one pixel to the next.
-struct PlaneSlope {
-  double median = 0.0;  ///< of the absolute changes along the rows and columns, whichever is larger [turns/px]
-};
-PlaneSlope slope_of(const base::PhasePlane& plane, int width, int height);
+/// Median of the absolute changes from one pixel to the next, along the rows or the columns, whichever is larger [turns/px].
+double median_slope(const base::PhasePlane& plane, int width, int height);
 
 /// Of each pixel: whether it has coordinates and lies at least `guard_px` from the nearest end of the surface: from pixels without
 /// coordinates, those aside whose phases are hardly worse than what is taken (light that fades is no end), and from jumps, where

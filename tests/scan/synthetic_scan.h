@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <functional>
 #include <optional>
 #include <random>
@@ -46,6 +47,28 @@ struct SyntheticScan {
  private:
   [[nodiscard]] std::optional<Seen> trace(int camera, int x, int y) const;
   mutable std::array<std::vector<std::optional<Seen>>, 2> seen_;  ///< of all pixels, once they are asked for
+};
+
+/// Errors over their predicted sigmas.
+class NormalisedErrors {
+ public:
+  /// Beyond 6 sigmas an error counts as far, and not in mean and rms.
+  void add(double error) {
+    ++count;
+    if (std::abs(error) > 6.0) return add_far();
+    sum_ += error;
+    squares_ += error * error;
+  }
+  void add_far() { ++far; }
+  [[nodiscard]] double mean() const { return sum_ / count; }
+  [[nodiscard]] double rms() const { return std::sqrt(squares_ / count); }
+
+  int count = 0;
+  int far = 0;
+
+ private:
+  double sum_ = 0.0;
+  double squares_ = 0.0;
 };
 
 /// A plane at `z_mm` on the axis, turned by `tilt_rad` about the vertical.
