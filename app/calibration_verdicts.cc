@@ -39,6 +39,26 @@ void judge_validation(const base::Calibration& calibration, const JobLimits& lim
 
 }  // namespace
 
+std::vector<Verdict> judge(const base::CalibrationChange& change, const JobLimits& limits) {
+  std::vector<Verdict> verdicts;
+  for (const base::CalibrationChange::Lens& lens : change.cameras) {
+    if (!lens.difference || !lens.difference->test) continue;
+    const base::DifferenceTest& test = *lens.difference->test;
+    verdicts.push_back({fmt::format("change_px {}", lens.name), lens.difference->rms_px, test.limit_px, "px",
+                        fmt::format("the covariances of both calibrations, level {}: never more than a WARNING", test.level),
+                        test.exceeded() ? VerdictLevel::kWarning : VerdictLevel::kOk});
+  }
+  if (!change.rig) return verdicts;
+  double largest = 0.0;
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    if (change.rig->sigma(i) > 0.0) largest = std::max(largest, std::abs(change.rig->change(i)) / change.rig->sigma(i));
+  }
+  verdicts.push_back({"change_w rig", largest, limits.rig_change_w, "",
+                      "limits.rig_change_w: 0.1 % two-sided of the largest of six; never more than a WARNING",
+                      largest > limits.rig_change_w ? VerdictLevel::kWarning : VerdictLevel::kOk});
+  return verdicts;
+}
+
 std::vector<Verdict> judge(const base::Calibration& calibration, const JobLimits& limits) {
   std::vector<Verdict> verdicts;
   for (const base::CalibratedCamera& camera : calibration.cameras) {

@@ -6,9 +6,9 @@
 #include <fmt/core.h>
 
 #include "base/aicon_files.h"
-#include "base/camera_file.h"
 #include "base/cloud.h"
 #include "base/file.h"
+#include "base/kalibr.h"
 #include "base/network_reader.h"
 #include "base/ply.h"
 
@@ -83,7 +83,7 @@ base::Cloud cloud_of(const FramedPoints& points) {
 
 }  // namespace
 
-Result<Exchanged> read_exchanged(const fs::path& path, const std::string& unit) {
+Result<Exchanged> read_exchanged(const fs::path& path, const std::string& unit, const std::string& camera) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) return read_folder(path);
   if (path.extension() == ".json") {
@@ -92,7 +92,7 @@ Result<Exchanged> read_exchanged(const fs::path& path, const std::string& unit) 
     }
     return as_exchanged(base::read_adjusted_network(path.has_parent_path() ? path.parent_path() : "."));
   }
-  if (is_camera_file(path)) return as_exchanged(base::read_camera(path));
+  if (is_camera_file(path)) return as_exchanged(base::read_named_camera(path, camera));
   if (path.extension() == ".csv" || path.extension() == ".txt" || path.extension() == ".obc") {
     auto list = base::read_point_list(path, {unit});
     if (!list) return base::fail(std::move(list));

@@ -24,13 +24,15 @@ using Exchanged = std::variant<FramedPoints, base::Camera, base::AdjustedNetwork
 
 /// What is possible, for messages and for the help.
 inline constexpr const char* kConversions =
-    "list of points (.csv, .txt, .obc) -> .csv .obc .ply; camera (.cameramodel, .yaml, .yml) -> .cameramodel .yaml .yml; "
+    "list of points (.csv, .txt, .obc) -> .csv .obc .ply; camera (.cameramodel, .yaml, .yml; also kalibr's chain) -> "
+    ".cameramodel .yaml .yml; "
     "result "
     "of adjust (folder or result.json) -> .csv .obc .ply or a COLMAP folder; COLMAP folder -> .csv .obc .ply or a COLMAP "
     "folder";
 
-/// Reads by content and ending. A kUsage Error for what is no input of a conversion.
-base::Result<Exchanged> read_exchanged(const std::filesystem::path& path, const std::string& unit);
+/// Reads by content and ending; `camera` chooses in a chain of cameras. A kUsage Error for what is no input of a conversion.
+base::Result<Exchanged> read_exchanged(const std::filesystem::path& path, const std::string& unit,
+                                       const std::string& camera = {});
 
 /// The points of whatever has some, in mm; nothing of cameras. `colmap_unit_mm` is the length of a COLMAP model's unit.
 base::Result<std::optional<FramedPoints>> points_of(const Exchanged& content, double colmap_unit_mm);

@@ -1,7 +1,9 @@
 #include "app/fit_result.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <type_traits>
 
 #include <fmt/core.h>
 #include <nlohmann/json.hpp>
@@ -29,8 +31,26 @@ std::vector<int> estimated(const math::ShapeCovariance& covariance) {
   return parameters;
 }
 
-template <typename Shape, typename Describe>
-Result<FittedShape> described(Result<math::ShapeFit<Shape>> fit, Describe describe) {
+/// What a shape has of place, direction and size, under the names that its kind gives them.
+template <typename Shape>
+void describe(const Shape& shape, FittedShape& to) {
+  if constexpr (requires { shape.centre_mm; }) {
+    to.point_mm = shape.centre_mm;
+  } else {
+    to.point_mm = shape.point_mm;
+  }
+  if constexpr (requires { shape.normal; }) to.direction = shape.normal;
+  if constexpr (requires { shape.direction; }) to.direction = shape.direction;
+  if constexpr (requires { shape.radius_mm; }) to.radius_mm = shape.radius_mm;
+  if constexpr (std::is_same_v<Shape, math::Cone>) to.cone = shape;
+}
+
+using Points = std::span<const Eigen::Vector3d>;
+
+/// One of the fits of math/shape_fit.h, described.
+template <auto kFit>
+Result<FittedShape> described(Points points, const math::ShapeFitOptions& options) {
+  auto fit = kFit(points, options);
   if (!fit) return base::fail(std::move(fit));
   FittedShape result;
   result.quality = std::move(fit->quality);
@@ -38,56 +58,27 @@ Result<FittedShape> described(Result<math::ShapeFit<Shape>> fit, Describe descri
   return result;
 }
 
-Result<FittedShape> fit_named(const std::string& shape, std::span<const Eigen::Vector3d> points,
-                              const math::ShapeFitOptions& options) {
-  if (shape == "line") {
-    return described(math::fit_line(points, options), [](const math::Line& line, FittedShape& to) {
-      to.point_mm = line.point_mm;
-      to.direction = line.direction;
-    });
-  }
-  if (shape == "plane") {
-    return described(math::fit_plane(points, options), [](const math::Plane& plane, FittedShape& to) {
-      to.point_mm = plane.point_mm;
-      to.direction = plane.normal;
-    });
-  }
-  if (shape == "circle") {
-    return described(math::fit_circle(points, options), [](const math::Circle& circle, FittedShape& to) {
-      to.point_mm = circle.centre_mm;
-      to.direction = circle.normal;
-      to.radius_mm = circle.radius_mm;
-    });
-  }
-  if (shape == "sphere") {
-    return described(math::fit_sphere(points, options), [](const math::Sphere& sphere, FittedShape& to) {
-      to.point_mm = sphere.centre_mm;
-      to.radius_mm = sphere.radius_mm;
-    });
-  }
-  if (shape == "cylinder") {
-    return described(math::fit_cylinder(points, options), [](const math::Cylinder& cylinder, FittedShape& to) {
-      to.point_mm = cylinder.point_mm;
-      to.direction = cylinder.direction;
-      to.radius_mm = cylinder.radius_mm;
-    });
-  }
-  if (shape == "cone") {
-    return described(math::fit_cone(points, options), [](const math::Cone& cone, FittedShape& to) {
-      to.point_mm = cone.point_mm;
-      to.direction = cone.direction;
-      to.cone = cone;
-    });
-  }
-  return base::fail(ErrorCode::kUsage,
-                    fmt::format("the shape is line, plane, circle, sphere, cylinder or cone, not '{}'", shape));
-}
+struct NamedFit {
+  const char* shape;
+  Result<FittedShape> (*fit)(Points, const math::ShapeFitOptions&);
+};
+constexpr std::array<NamedFit, 6> kFits = {{{"line", described<math::fit_line>},
+                                            {"plane", described<math::fit_plane>},
+                                            {"circle", described<math::fit_circle>},
+                                            {"sphere", described<math::fit_sphere>},
+                                            {"cylinder", described<math::fit_cylinder>},
+                                            {"cone", described<math::fit_cone>}}};
 
 }  // namespace
 
 Result<FittedShape> fit_shape(const std::string& shape, std::span<const Eigen::Vector3d> points_mm,
                               const math::ShapeFitOptions& options) {
-  auto fit = fit_named(shape, points_mm, options);
+  const auto named = std::find_if(kFits.begin(), kFits.end(), [&](const NamedFit& one) { return shape == one.shape; });
+  if (named == kFits.end()) {
+    return base::fail(ErrorCode::kUsage,
+                      fmt::format("the shape is line, plane, circle, sphere, cylinder or cone, not '{}'", shape));
+  }
+  auto fit = named->fit(points_mm, options);
   if (!fit) return fit;
   fit->shape = shape;
   fit->points = points_mm.size();

@@ -12,10 +12,13 @@
 #include "app/lens_word.h"
 #include "app/result_folder.h"
 #include "app/verdicts.h"
+#include "base/calibration_reader.h"
 #include "base/camera_file.h"
+#include "base/file.h"
 #include "base/npy.h"
 #include "base/result_document.h"
 #include "calib/compare_corners.h"
+#include "calib/quality.h"
 #include "calib/second_opinion.h"
 #include "report/calibration_report.h"
 #include "report/calibration_tables.h"
@@ -84,6 +87,11 @@ ordered_json effective_options(const CalibrationTask& task) {
                     {"area_not_covered", limits.area_not_covered},
                     {"prior_ratio", limits.prior_ratio}};
   if (limits.baseline_sigma_mm) json["limits"]["baseline_sigma_mm"] = *limits.baseline_sigma_mm;
+  if (task.distance_mm) json["distance_mm"] = *task.distance_mm;
+  if (task.previous) {
+    json["previous"] = true;
+    json["limits"]["rig_change_w"] = limits.rig_change_w;
+  }
   return json;
 }
 
@@ -91,6 +99,9 @@ Result<std::vector<base::ResultInput>> inputs_of(const CalibrationTask& task) {
   std::vector<fs::path> files;
   for (const ImageFile& file : task.images) files.push_back(file.path);
   if (task.corners) files.push_back(*task.corners);
+  if (task.previous) {
+    for (const char* name : {"result.json", "covariance.json", "covariance.npy"}) files.push_back(*task.previous / name);
+  }
   std::vector<base::ResultInput> inputs;
   for (const fs::path& file : files) {
     auto input = hashed_input(file, task.base_folder);
@@ -155,6 +166,22 @@ base::SecondOpinion opinion_on(const Calibration& calibration) {
   return none;
 }
 
+/// What the covariance says over the images, of the pairs, and against an earlier calibration.
+Result<base::CalibrationQuality> quality_of(const CalibrationTask& task, const std::optional<Calibration>& previous,
+                                            const Calibration& calibration) {
+  const double distance_mm = task.distance_mm.value_or(calib::working_distance_mm(calibration));
+  auto maps = calib::calibration_maps(calibration, distance_mm);
+  if (!maps) return base::fail(std::move(maps));
+  base::CalibrationQuality quality{*std::move(maps), calib::epipolar_pairs(calibration), {}};
+  if (!previous) return quality;
+  quality.change = calib::calibration_change(*previous, calibration, distance_mm);
+  quality.change->previous = task.previous->generic_string();
+  if (!quality.change->cameras.empty()) return quality;
+  return base::fail(base::ErrorCode::kBadInput,
+                    fmt::format("{}: this calibration knows none of the cameras; with it nothing can be compared",
+                                base::shown(*task.previous)));
+}
+
 Result<Calibration> calibration_of(const CalibrationTask& task, const std::vector<FoundCorners>& found, Session& session) {
   calib::CalibrateOptions options = task.options;
   options.threads = session.threads();
@@ -171,12 +198,14 @@ Result<Calibration> calibration_of(const CalibrationTask& task, const std::vecto
   return calibration;
 }
 
-Result<> write_files(const fs::path& folder, const Calibration& calibration, const FoundCorners& corners) {
+Result<> write_files(const fs::path& folder, const Calibration& calibration, const base::CalibrationQuality& quality,
+                     const FoundCorners& corners) {
   for (const base::CalibratedCamera& camera : calibration.cameras) {
     if (auto written = base::write_cameramodel(folder / (camera.name + ".cameramodel"), camera.camera); !written)
       return written;
   }
   if (auto written = base::write_covariance(folder, {calibration.covariance, calibration.labels}); !written) return written;
+  if (auto written = report::write_map_tables(folder, calibration, *quality.maps); !written) return written;
   return report::write_calibration_tables(folder, calibration, corners.images);
 }
 
@@ -202,19 +231,34 @@ Result<StepOutcome> calibrate_step(const CalibrationTask& task, const fs::path& 
   const ordered_json earlier = earlier_result(out, options);
   if (same_inputs(earlier, *inputs)) return StepOutcome{out, "up to date", true, outcome_of(earlier)};
 
+  std::optional<Calibration> previous;
+  if (task.previous) {
+    auto read = base::read_calibration(*task.previous);
+    if (!read) return base::fail(std::move(read));
+    previous = *std::move(read);
+  }
   auto folder = ResultFolder::begin(out);
   if (!folder) return base::fail(std::move(folder));
   const auto found = find_board(task, session);
   if (!found) return tl::unexpected(found.error());
   const auto calibration = calibration_of(task, *found, session);
   if (!calibration) return tl::unexpected(calibration.error());
+  const auto quality = quality_of(task, previous, *calibration);
+  if (!quality) return tl::unexpected(quality.error());
 
-  const base::ResultEnvelope envelope{"calibrate", "rig", std::move(*inputs), judge(*calibration, task.limits),
-                                      calibration->warnings};
-  if (auto written = write_files(folder->path(), *calibration, found->front()); !written) return base::fail(std::move(written));
+  base::ResultEnvelope envelope{"calibrate", "rig", std::move(*inputs), judge(*calibration, task.limits),
+                                calibration->warnings};
+  if (quality->change) {
+    const std::vector<base::Verdict> changed = judge(*quality->change, task.limits);
+    envelope.verdicts.insert(envelope.verdicts.end(), changed.begin(), changed.end());
+  }
+  if (auto written = write_files(folder->path(), *calibration, *quality, found->front()); !written)
+    return base::fail(std::move(written));
   const std::string html =
-      report::calibration_report(*calibration, {"Camera calibration", task.title, envelope, options.dump(2)});
-  const ordered_json result = base::result_json(envelope, options, base::calibration_json(*calibration));
+      report::calibration_report(*calibration, *quality, {"Camera calibration", task.title, envelope, options.dump(2)});
+  ordered_json body = base::calibration_json(*calibration);
+  body.update(base::calibration_quality_json(*quality, task.cameras));
+  const ordered_json result = base::result_json(envelope, options, body);
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   return StepOutcome{out, summary(*calibration), false, outcome_of(envelope.verdicts)};
 }

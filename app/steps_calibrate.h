@@ -30,6 +30,8 @@ struct CalibrationTask {
   calib::CalibrateOptions options;
   std::map<std::string, double> temperatures_c;  ///< of the cameras
   std::optional<std::chrono::year_month_day> date;
+  std::optional<double> distance_mm;  ///< for which uncertainties are stated; none: the median distance of the boards
+  std::optional<std::filesystem::path> previous;  ///< folder of an earlier result, to be compared with
   JobLimits limits;
   std::filesystem::path base_folder;  ///< paths in the result are relative to it
   std::string title;

@@ -64,6 +64,7 @@ Verb run_verb();
 Verb simulate_verb();
 Verb targets_verb();
 Verb commission_verb();
+Verb compare_verb();
 Verb convert_verb();
 Verb fit_verb();
 

@@ -5,6 +5,7 @@
 #include "app/job.h"
 #include "app/verb.h"
 #include "base/calibration.h"
+#include "base/calibration_quality.h"
 #include "base/machine.h"
 #include "base/network.h"
 #include "base/verdict.h"
@@ -19,6 +20,8 @@ std::vector<base::Verdict> judge(const base::Verification& verification, const J
 
 /// Values of a commissioning, held against the limits and against the head as it was calibrated.
 std::vector<base::Verdict> judge(const base::Commissioning& result, const base::Head& calibrated, const JobLimits& limits);
+/// A changed head is no fault of its calibration: never more than a WARNING.
+std::vector<base::Verdict> judge(const base::CalibrationChange& change, const JobLimits& limits);
 /// Values of a calibration held against the limits; docs/formats.md tells where these come from.
 std::vector<base::Verdict> judge(const base::Calibration& calibration, const JobLimits& limits);
 

@@ -1,6 +1,7 @@
 // The body of `calibrate` in base/result_document.h.
 #include <nlohmann/json.hpp>
 
+#include "base/detail/adjustment_json.h"
 #include "base/detail/result_json.h"
 #include "base/detail/result_reading.h"
 #include "base/result_document.h"
@@ -151,11 +152,8 @@ Json opinion_json(const SecondOpinion& opinion) {
 }  // namespace
 
 Json calibration_json(const Calibration& calibration) {
-  Json json = {{"sigma0", calibration.sigma0},         {"sigma0_px", calibration.sigma0_px},
-               {"rms_px", calibration.rms_px},         {"observations", calibration.observations},
-               {"unknowns", calibration.unknowns},     {"redundancy", calibration.redundancy},
-               {"iterations", calibration.iterations}, {"least_eigenvalue", calibration.least_eigenvalue},
-               {"weakest", calibration.weakest}};
+  Json json;
+  detail::add_figures(calibration, json);
   for (const char* key : {"cameras", "rig", "board", "stations", "views", "rejected", "validation", "ladder", "detectors"})
     json[key] = Json::array();
   for (const CalibratedCamera& camera : calibration.cameras) json["cameras"].push_back(camera_json(camera));

@@ -10,6 +10,7 @@
 #include "base/detail/opencv_yaml.h"
 #include "base/detail/python_literal.h"
 #include "base/file.h"
+#include "base/kalibr.h"
 #include "base/text.h"
 
 namespace crosstie::base {
@@ -165,6 +166,19 @@ Result<Camera> read_opencv_yaml(const std::filesystem::path& path, std::string_v
   return make_camera(path, *model, *width_px, *height_px, std::move(parameters));
 }
 
+Result<Camera> read_of_chain(const std::filesystem::path& path, std::string_view text, const std::string& name) {
+  auto chain = parse_kalibr_chain(path, text);
+  if (!chain) return fail(std::move(chain));
+  if (name.empty() && chain->size() == 1) return std::move(chain->front().camera);
+  std::string names;
+  for (KalibrCamera& one : *chain) {
+    if (one.name == name) return std::move(one.camera);
+    names += (names.empty() ? "" : ", ") + one.name;
+  }
+  return fail(ErrorCode::kUsage, fmt::format("{}: {}; --camera is one of {}", shown(path),
+                                             name.empty() ? std::string("several cameras") : "no camera " + name, names));
+}
+
 /// Seventeen significant digits read back exactly.
 std::string digits(double value) { return fmt::format("{:.17g}", value); }
 
@@ -199,7 +213,9 @@ std::string covariance_text(const Eigen::MatrixXd& covariance) {
 
 }  // namespace
 
-Result<Camera> read_camera(const std::filesystem::path& path) {
+Result<Camera> read_camera(const std::filesystem::path& path) { return read_named_camera(path, {}); }
+
+Result<Camera> read_named_camera(const std::filesystem::path& path, const std::string& name) {
   auto contents = read_file(path, kMaxCameraFileBytes);
   if (!contents) return fail(std::move(contents));
   std::string_view text = *contents;
@@ -208,7 +224,8 @@ Result<Camera> read_camera(const std::filesystem::path& path) {
   std::string_view rest = trim(text);
   while (rest.starts_with('#')) rest = trim(rest.substr(std::min(rest.find('\n'), rest.size())));
   if (rest.empty()) return bad(path, "the file is empty");
-  return rest.starts_with('{') ? read_cameramodel(path, text) : read_opencv_yaml(path, text);
+  if (rest.starts_with('{')) return read_cameramodel(path, text);
+  return is_kalibr_chain(text) ? read_of_chain(path, text, name) : read_opencv_yaml(path, text);
 }
 
 Result<> write_cameramodel(const std::filesystem::path& path, const Camera& camera) {

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/detail/adjustment_json.h"
 #include "base/detail/result_json.h"
 #include "base/detail/result_reading.h"
 #include "base/result_document.h"
@@ -179,18 +180,10 @@ Json commissioning_json(const Commissioning& result) {
         {{"name", group.name}, {"observations", group.observations}, {"redundancy", group.redundancy}, {"ratio", group.ratio}});
   }
   json["rejected"] = rejected_json(result.rejected);
-  json["sigma0"] = result.sigma0;
-  json["sigma0_px"] = result.sigma0_px;
+  detail::add_figures(result, json);
   json["image_sigma_factor"] = result.image_sigma_factor;
-  json["rms_px"] = result.rms_px;
   json["largest_eccentricity_px"] = result.largest_eccentricity_px;
-  json["observations"] = result.observations;
-  json["unknowns"] = result.unknowns;
-  json["redundancy"] = result.redundancy;
   json["chi2_p"] = result.chi2_p;
-  json["iterations"] = result.iterations;
-  json["least_eigenvalue"] = result.least_eigenvalue;
-  json["weakest"] = result.weakest;
   return json;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,6 +52,17 @@ struct TriangulationSigmas {
   Eigen::VectorXd sigma_across_mm;  ///< the larger one across it
 };
 
+/// Whether two camera models differ by more than their covariances, taken as independent, allow.
+struct DifferenceTest {
+  double rms_sigma_px = 0.0;  ///< what ProjectionDifference::rms_px is expected to be
+  double degrees = 0.0;       ///< of freedom that the difference has in effect: few parameters stand behind all cells
+  double p = 1.0;             ///< probability of an rms at least as large if both models were true but for their covariances
+  double level = 1e-3;        ///< below which p is taken to show that something else is in the difference
+  double limit_px = 0.0;      ///< the rms of that probability
+
+  [[nodiscard]] bool exceeded() const { return p < level; }
+};
+
 /// How two camera models differ after the motion that hides most of it.
 struct ProjectionDifference {
   ImageGrid grid;
@@ -60,13 +72,36 @@ struct ProjectionDifference {
   double rms_px = 0.0;
   double max_px = 0.0;
   double rms_before_px = 0.0;  ///< without the motion
+  double max_before_px = 0.0;
   /// [px] Of each cell: where model b sees the point that a sees in its middle, minus that middle; not a number where either has no
   /// answer.
   Eigen::Matrix2Xd difference_px;
+  Eigen::Matrix2Xd before_px;  ///< the same without the motion
   std::vector<char> compared;  ///< of each cell, whether it was one of `cells`
   /// [px] Of the length of the difference, sqrt(trace of its covariance); empty where a model comes without covariance.
   Eigen::VectorXd sigma_px;
-  double rms_sigma_px = 0.0;  ///< over the compared cells: what rms_px is expected to be; 0 where unknown
+  std::optional<DifferenceTest> test;  ///< where sigma_px is known and not zero everywhere
 };
+
+/// Of a map over an image, the cells that count: median, what 95 % do not exceed, and the largest; not a number where none counts.
+struct MapFigures {
+  double median = 0.0;
+  double p95 = 0.0;
+  double max = 0.0;
+};
+
+/// Cells whose value is not a number do not count.
+[[nodiscard]] MapFigures map_figures(const Eigen::VectorXd& values, const std::vector<char>& counts);
+
+/// Lengths of the difference below which `share` of the compared cells lie.
+struct DifferenceQuantile {
+  double share = 0.0;
+  double after_px = 0.0;   ///< after the motion
+  double before_px = 0.0;  ///< without it
+  double sigma_px = 0.0;   ///< of the predicted standard deviations; not a number where they are unknown
+};
+
+/// For shares of 0.5, 0.68, 0.9, 0.95, 0.99 and 1.
+[[nodiscard]] std::vector<DifferenceQuantile> quantiles(const ProjectionDifference& difference);
 
 }  // namespace crosstie::base

@@ -1,6 +1,7 @@
 #include "math/prior.h"
 
 #include <algorithm>
+#include <vector>
 
 #include <Eigen/Eigenvalues>
 
@@ -19,6 +20,19 @@ base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std
   const double least = *std::find_if(values.begin(), values.end(), [&](double v) { return v > kSingular * largest; });
   values = values.unaryExpr([&](double v) { return v > kSingular * largest ? v : kExact * least; });
   return Eigen::MatrixXd(values.cwiseSqrt().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose());
+}
+
+base::Result<Eigen::MatrixXd> whitening_of_mixed(const Eigen::MatrixXd& cov, const std::string& name) {
+  std::vector<Eigen::Index> known;
+  for (Eigen::Index i = 0; i < cov.rows(); ++i) {
+    if (cov(i, i) > 0.0) known.push_back(i);
+  }
+  const Eigen::VectorXd scale = cov.diagonal()(known).cwiseSqrt().cwiseInverse();
+  auto root = whitening_of(scale.asDiagonal() * cov(known, known) * scale.asDiagonal(), name);
+  if (!root) return base::fail(std::move(root));
+  Eigen::MatrixXd whitening = Eigen::MatrixXd::Zero(root->rows(), cov.rows());
+  whitening(Eigen::all, known) = *root * scale.asDiagonal();
+  return whitening;
 }
 
 bool Prior::evaluate(const double* const* values, double* residual, double* const* jacobians) const {

@@ -13,6 +13,10 @@ namespace crosstie::math {
 /// beginning with `name`, where the covariance is not positive semi-definite.
 base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std::string& name);
 
+/// The same of a covariance with mixed units: the root of the inverse of its correlation, over the sigmas. Columns without variance are
+/// zero, and there are no rows for them.
+base::Result<Eigen::MatrixXd> whitening_of_mixed(const Eigen::MatrixXd& cov, const std::string& name);
+
 /// Values of vector blocks known beforehand: residual = whitening * (x - mean), x the blocks' values one after the other,
 /// whitening' whitening the pseudo-inverse of their covariance.
 class Prior final : public Measurement {

@@ -1,6 +1,7 @@
 #include "math/projection_difference.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -9,6 +10,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/QR>
 
+#include "math/chi_square_sum.h"
 #include "math/projection_sigmas.h"
 
 namespace crosstie::math {
@@ -68,6 +70,16 @@ std::optional<At> at(const Camera& b, const Pose& b_from_a, const Cell& cell,
   return result;
 }
 
+/// Of all cells; not a number where b has no answer.
+Eigen::Matrix2Xd differences(const Camera& b, const Pose& b_from_a, const std::vector<Cell>& cells,
+                             const base::ImageGrid& grid) {
+  Eigen::Matrix2Xd result = Eigen::Matrix2Xd::Constant(2, grid.count(), std::numeric_limits<double>::quiet_NaN());
+  for (const Cell& cell : cells) {
+    if (const auto pixel = b.project(b_from_a * cell.p_in_a)) result.col(cell.index) = *pixel - cell.pixel;
+  }
+  return result;
+}
+
 struct Normal {
   base::Matrix6d matrix = base::Matrix6d::Zero();
   base::Vector6d gradient = base::Vector6d::Zero();
@@ -116,14 +128,32 @@ Pose fit(const Camera& b, const std::vector<Cell>& cells, Index free) {
   return pose;
 }
 
-/// Rows of the derivative of all differences by both models' parameters, after the motion that they imply.
-void add_sigmas(const Camera& a, const Camera& b, const std::vector<Cell>& cells, Index free, ProjectionDifference& result) {
+/// Probability that the sum of squares of the compared cells' differences is at least what it is. It is that of sum l_i z_i^2 with
+/// standard normal z_i, l_i the eigenvalues of `normal` (sum of J'J over these cells) times the covariance of both models' parameters.
+base::DifferenceTest test_of(const MatrixXd& normal, const MatrixXd& covariance_a, const MatrixXd& covariance_b, int cells,
+                             double rms_px, double level) {
+  MatrixXd product(normal.rows(), normal.cols());
+  product.leftCols(covariance_a.cols()) = normal.leftCols(covariance_a.cols()) * covariance_a;
+  product.rightCols(covariance_b.cols()) = normal.rightCols(covariance_b.cols()) * covariance_b;
+  const MatrixXd square = product * product;
+  const std::array<double, 3> moments = {product.trace(), square.trace(), square.cwiseProduct(product.transpose()).sum()};
+  base::DifferenceTest test;
+  test.rms_sigma_px = std::sqrt(std::max(0.0, moments[0]) / cells);
+  test.degrees = moments[0] * moments[0] / moments[1];
+  test.p = chi_square_sum_above(rms_px * rms_px * cells, moments);
+  test.level = level;
+  test.limit_px = std::sqrt(chi_square_sum_limit(level, moments) / cells);
+  return test;
+}
+
+/// Sigmas of all differences, after the motion that they imply, by both models' parameters; and the test.
+void add_sigmas(const Camera& a, const Camera& b, const std::vector<Cell>& cells, Index free, double level,
+                ProjectionDifference& result) {
   const Index size_a = a.parameters().size();
   const Index size_b = b.parameters().size();
-  MatrixXd rows_a = MatrixXd::Zero(2 * static_cast<Index>(cells.size()), size_a);
-  MatrixXd rows_b = MatrixXd::Zero(rows_a.rows(), size_b);
-  MatrixXd motion = MatrixXd::Zero(rows_a.rows(), free);
-  MatrixXd decisive = MatrixXd::Zero(rows_a.rows(), free);
+  MatrixXd rows = MatrixXd::Zero(2 * static_cast<Index>(cells.size()), size_a + size_b);
+  MatrixXd motion = MatrixXd::Zero(rows.rows(), free);
+  MatrixXd decisive = MatrixXd::Zero(rows.rows(), free);
   std::vector<char> known(cells.size(), 0);
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const Index row = 2 * static_cast<Index>(i);
@@ -135,25 +165,23 @@ void add_sigmas(const Camera& a, const Camera& b, const std::vector<Cell>& cells
     known[i] = 1;
     // The ray that a sees at its pixel moves so that the pixel stays.
     const Eigen::Matrix<double, 3, 2> a_by_pixel = across(a_by_point);
-    rows_a.middleRows<2>(row) = -(here->by_point * result.b_from_a.rotation.toRotationMatrix() * a_by_pixel) * a_by_lens;
-    rows_b.middleRows<2>(row) = b_by_lens;
+    rows.block(row, 0, 2, size_a) = -(here->by_point * result.b_from_a.rotation.toRotationMatrix() * a_by_pixel) * a_by_lens;
+    rows.block(row, size_a, 2, size_b) = b_by_lens;
     motion.middleRows<2>(row) = here->by_motion.leftCols(free);
     if (cells[i].compared) decisive.middleRows<2>(row) = motion.middleRows<2>(row);
   }
   const Eigen::LDLT<MatrixXd> normal(decisive.transpose() * decisive);
-  rows_a -= motion * normal.solve(decisive.transpose() * rows_a);
-  rows_b -= motion * normal.solve(decisive.transpose() * rows_b);
-  const VectorXd variance = (rows_a * a.covariance()).cwiseProduct(rows_a).rowwise().sum() +
-                            (rows_b * b.covariance()).cwiseProduct(rows_b).rowwise().sum();
+  rows -= motion * normal.solve(decisive.transpose() * rows);
+  const VectorXd variance = (rows.leftCols(size_a) * a.covariance()).cwiseProduct(rows.leftCols(size_a)).rowwise().sum() +
+                            (rows.rightCols(size_b) * b.covariance()).cwiseProduct(rows.rightCols(size_b)).rowwise().sum();
   result.sigma_px = VectorXd::Constant(result.grid.count(), std::numeric_limits<double>::quiet_NaN());
-  double sum = 0.0;
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    if (!known[i]) continue;
-    const double square = std::max(0.0, variance.segment<2>(2 * static_cast<Index>(i)).sum());
-    result.sigma_px(cells[i].index) = std::sqrt(square);
-    if (result.compared[static_cast<std::size_t>(cells[i].index)]) sum += square;
+    const Index row = 2 * static_cast<Index>(i);
+    if (known[i]) result.sigma_px(cells[i].index) = std::sqrt(std::max(0.0, variance.segment<2>(row).sum()));
+    if (!result.compared[static_cast<std::size_t>(cells[i].index)]) rows.middleRows<2>(row).setZero();
   }
-  result.rms_sigma_px = std::sqrt(sum / result.cells);
+  const auto test = test_of(rows.transpose() * rows, a.covariance(), b.covariance(), result.cells, result.rms_px, level);
+  if (test.rms_sigma_px > 0.0) result.test = test;
 }
 
 }  // namespace
@@ -162,6 +190,7 @@ Result<> ProjectionDifferenceOptions::validate() const {
   if (!(distance_mm >= 0.0) || !std::isfinite(distance_mm)) return fail(ErrorCode::kUsage, "the distance must be positive");
   if (columns < 4 || columns > 400) return fail(ErrorCode::kUsage, fmt::format("{} columns; 4 to 400 are possible", columns));
   if (!(radius_px >= 0.0)) return fail(ErrorCode::kUsage, "the radius must be positive");
+  if (!(significance > 0.0 && significance < 0.5)) return fail(ErrorCode::kUsage, "the level lies between 0 and 0.5");
   return {};
 }
 
@@ -183,25 +212,28 @@ Result<ProjectionDifference> projection_difference(const Camera& a, const Camera
                             before.count, result.grid.count(), kLeastCells));
   }
   result.rms_before_px = std::sqrt(before.square_sum / before.count);
+  result.before_px = differences(b, {}, cells, result.grid);
   const Index free = options.distance_mm > 0.0 ? 6 : 3;
   result.b_from_a = fit(b, cells, free);
-  result.difference_px = Eigen::Matrix2Xd::Constant(2, result.grid.count(), std::numeric_limits<double>::quiet_NaN());
+  result.difference_px = differences(b, result.b_from_a, cells, result.grid);
   result.compared.assign(static_cast<std::size_t>(result.grid.count()), 0);
   double sum = 0.0;
   for (const Cell& cell : cells) {
-    const auto here = at(b, result.b_from_a, cell);
-    if (!here) continue;
-    result.difference_px.col(cell.index) = here->difference;
-    if (!cell.compared) continue;
+    const Eigen::Vector2d difference = result.difference_px.col(cell.index);
+    if (!cell.compared || !difference.allFinite()) continue;
     result.compared[static_cast<std::size_t>(cell.index)] = 1;
     ++result.cells;
-    sum += here->difference.squaredNorm();
-    result.max_px = std::max(result.max_px, here->difference.norm());
+    sum += difference.squaredNorm();
+    result.max_px = std::max(result.max_px, difference.norm());
+    const Eigen::Vector2d without = result.before_px.col(cell.index);
+    if (without.allFinite()) result.max_before_px = std::max(result.max_before_px, without.norm());
   }
   if (result.cells < kLeastCells)
     return fail(ErrorCode::kNoUniqueSolution, "no motion of the camera brings the models together");
   result.rms_px = std::sqrt(sum / result.cells);
-  if (a.covariance().size() > 0 && b.covariance().size() > 0) add_sigmas(a, b, cells, free, result);
+  if (a.covariance().size() > 0 && b.covariance().size() > 0) {
+    add_sigmas(a, b, cells, free, options.significance, result);
+  }
   return result;
 }
 

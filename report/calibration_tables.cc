@@ -1,6 +1,7 @@
 #include "report/calibration_tables.h"
 
 #include <cmath>
+#include <initializer_list>
 #include <map>
 
 #include "base/table.h"
@@ -108,6 +109,40 @@ Table corners_table(const Calibration& calibration, std::span<const base::BoardI
   return table;
 }
 
+/// Numbers that there are; the others stay empty.
+void append_known(std::vector<std::string>& row, std::initializer_list<double> values) {
+  for (const double value : values) row.push_back(std::isfinite(value) ? format_double(value) : "");
+}
+
+Table uncertainty_table(const Calibration& calibration, const base::CalibrationMaps& maps) {
+  Table table;
+  table.columns = {"camera", "x_px", "y_px", "sigma_px", "minor_px", "sigma_mm", "calibrated"};
+  for (std::size_t c = 0; c < maps.cameras.size(); ++c) {
+    const base::ProjectionSigmas& map = maps.cameras[c];
+    for (int i = 0; i < map.grid.count(); ++i) {
+      std::vector<std::string> row = {calibration.cameras[c].name};
+      append(row, map.grid.middle_px(i));
+      append_known(row, {map.sigma_px(i), map.minor_px(i), map.sigma_mm(i)});
+      row.emplace_back(map.calibrated[static_cast<std::size_t>(i)] ? "1" : "0");
+      table.rows.push_back(std::move(row));
+    }
+  }
+  return table;
+}
+
+Table triangulation_table(const base::TriangulationSigmas& rig, const base::TriangulationSigmas& boards) {
+  Table table;
+  table.columns = {"x_px", "y_px", "rig_depth_mm", "rig_across_mm", "boards_depth_mm", "boards_across_mm", "calibrated"};
+  for (int i = 0; i < rig.grid.count(); ++i) {
+    std::vector<std::string> row;
+    append(row, rig.grid.middle_px(i));
+    append_known(row, {rig.sigma_depth_mm(i), rig.sigma_across_mm(i), boards.sigma_depth_mm(i), boards.sigma_across_mm(i)});
+    row.emplace_back(rig.calibrated[static_cast<std::size_t>(i)] ? "1" : "0");
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
 }  // namespace
 
 Result<> write_calibration_tables(const std::filesystem::path& folder, const Calibration& calibration,
@@ -116,6 +151,13 @@ Result<> write_calibration_tables(const std::filesystem::path& folder, const Cal
   if (auto ok = base::write_table(folder / "views.csv", views_table(calibration)); !ok) return ok;
   if (auto ok = base::write_table(folder / "board.csv", board_table(calibration.board)); !ok) return ok;
   return base::write_table(folder / "corners.csv", corners_table(calibration, images));
+}
+
+Result<> write_map_tables(const std::filesystem::path& folder, const Calibration& calibration,
+                          const base::CalibrationMaps& maps) {
+  if (auto ok = base::write_table(folder / "uncertainty.csv", uncertainty_table(calibration, maps)); !ok) return ok;
+  if (!maps.in_rig || !maps.on_boards) return {};
+  return base::write_table(folder / "triangulation.csv", triangulation_table(*maps.in_rig, *maps.on_boards));
 }
 
 }  // namespace crosstie::report

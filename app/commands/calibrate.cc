@@ -139,13 +139,15 @@ Result<CalibrationTask> task_of(const Arguments& arguments) {
     return fail(std::move(ok));
   if (auto ok = read_number(arguments, "--sigma-px", false, task.options.sigma_px); !ok) return fail(std::move(ok));
   task.options.reject_outliers = !arguments.has("--keep-outliers");
-  task.options.cross_validate = !arguments.has("--no-validation");
   return task;
 }
 
-Result<CalibrationTask> task_of_job(const Job& job, const Arguments& arguments) {
-  auto task = calibration_task(job);
-  if (task) task->options.cross_validate = !arguments.has("--no-validation");
+/// What goes with a job and without.
+Result<CalibrationTask> with_common_options(Result<CalibrationTask> task, const Arguments& arguments) {
+  if (!task) return task;
+  task->options.cross_validate = !arguments.has("--no-validation");
+  if (const auto previous = arguments.get("--previous")) task->previous = *previous;
+  if (auto ok = read_number(arguments, "--distance-mm", false, task->distance_mm); !ok) return fail(std::move(ok));
   return task;
 }
 
@@ -162,7 +164,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto out = arguments.get("--out");
   if (!arguments.has("JOB")) {
     if (!out) return fail(ErrorCode::kUsage, "without a JOB calibrate needs --out, a folder for the result");
-    return calibrate_into(task_of(arguments), *out, session);
+    return calibrate_into(with_common_options(task_of(arguments), arguments), *out, session);
   }
   for (const char* option : {"--corners", "--camera", "--images", "--pattern", "--pitch-mm", "--size", "--grid", "--lens",
                              "--board", "--detector", "--family", "--tag-mm", "--board-sigma-mm", "--bend-sigma-mm",
@@ -174,7 +176,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto job = read_job(*arguments.get("JOB"));
   if (!job) return tl::unexpected(job.error());
   const auto folder = out ? std::filesystem::path(*out) : job->folder / "results" / "calibrate";
-  return calibrate_into(task_of_job(*job, arguments), folder, session);
+  return calibrate_into(with_common_options(calibration_task(*job), arguments), folder, session);
 }
 
 }  // namespace
@@ -210,6 +212,9 @@ Verb calibrate_verb() {
         false, false},
        {"--baseline-mm", "MM", "distance of the cameras as a drawing says; what contradicts it is refused", false, false},
        {"--sigma-px", "PX", "standard deviation of a corner's coordinate (default: told by the residuals)", false, false},
+       {"--distance-mm", "MM", "working distance for which uncertainties are stated (default: the median one of the boards)",
+        false, false},
+       {"--previous", "DIR", "an earlier result of calibrate: what has changed since, over its sigma", false, false},
        {"--keep-outliers", "", "every corner takes part (default: outliers are left out, with reasons)", false, false},
        {"--no-validation", "", "no cross-validation: much faster, and nothing tells how well the result predicts", false,
         false}},

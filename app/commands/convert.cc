@@ -102,7 +102,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
     return base::fail(ErrorCode::kUsage, "--binary is for COLMAP folders");
   }
   if (auto may = check_overwriting(out, arguments.has("--force")); !may) return base::fail(std::move(may));
-  const auto content = read_exchanged(in, unit);
+  const auto content = read_exchanged(in, unit, arguments.get("--camera").value_or(""));
   if (!content) return tl::unexpected(content.error());
   const bool has_unit =
       std::holds_alternative<base::Camera>(*content) || std::holds_alternative<base::AdjustedNetwork>(*content);
@@ -149,6 +149,7 @@ Verb convert_verb() {
         false},
        {"--binary", "", "write COLMAP's binary files (default: text)", false, false},
        {"--unit", "UNIT", "mm, m or inch: of a list whose columns do not say, or of a COLMAP model (default mm)", false, false},
+       {"--camera", "NAME", "of a chain of kalibr (camchain.yaml) with several cameras: which one", false, false},
        {"--force", "", "replace OUT where it exists", false, false}},
       run};
 }

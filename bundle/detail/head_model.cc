@@ -23,21 +23,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-/// Of a covariance with mixed units: the root of the inverse of its correlation, over the sigmas. Rows and columns without variance are
-/// left out.
-Result<MatrixXd> whitening_of_mixed(const MatrixXd& cov, const std::string& name) {
-  std::vector<Index> known;
-  for (Index i = 0; i < cov.rows(); ++i) {
-    if (cov(i, i) > 0.0) known.push_back(i);
-  }
-  const VectorXd scale = cov.diagonal()(known).cwiseSqrt().cwiseInverse();
-  auto root = math::whitening_of(scale.asDiagonal() * cov(known, known) * scale.asDiagonal(), name);
-  if (!root) return fail(std::move(root));
-  MatrixXd whitening = MatrixXd::Zero(root->rows(), cov.rows());
-  whitening(Eigen::all, known) = *root * scale.asDiagonal();
-  return whitening;
-}
-
 math::Block lens_block(const std::string& name, const base::Camera& camera, const VectorXd& values) {
   math::Block block{"camera " + name, math::Block::Kind::kVector, {values.data(), values.data() + values.size()}, {}, {}, {}};
   const auto names = base::parameter_names(camera.model());
@@ -92,7 +77,7 @@ Result<> add_head(const CommissionInput& input, const HeadState& state, HeadMode
   // The covariance of right_from_left, perturbed on the left, becomes that of its inverse.
   MatrixXd turn = MatrixXd::Identity(l + r + 6, l + r + 6);
   turn.bottomRightCorner<6, 6>() = -given.right_from_left.inverse().adjoint();
-  auto whitening = whitening_of_mixed(turn * given.cov * turn.transpose(), "calibration of the head");
+  auto whitening = math::whitening_of_mixed(turn * given.cov * turn.transpose(), "calibration of the head");
   if (!whitening) return fail(std::move(whitening));
   if (whitening->rows() == 0) return {};
   model.measurements.push_back(std::make_unique<HeadPrior>(std::vector<int>{head.left, head.right, head.mount_right},

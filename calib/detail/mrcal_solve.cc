@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 
+#include "calib/detail/quiet_stderr.h"
+
 extern "C" {
 #include <mrcal/mrcal.h>
 }
@@ -152,11 +154,13 @@ Result<MrcalAnswer> solve(MrcalProblem& problem, const base::Progress& progress)
   if (progress.cancelled()) return base::cancelled("the second opinion");
   std::vector<double> x(static_cast<std::size_t>(measurements), 0.0);
   mrcal_calobject_warp_t warp{};
-  const mrcal_stats_t stats =
-      mrcal_optimize(nullptr, 0, x.data(), measurements * static_cast<int>(sizeof(double)), arrays.intrinsics.data(),
-                     arrays.extrinsics.data(), arrays.frames.data(), nullptr, &warp, cameras, cameras - 1, frames, 0, 0,
-                     arrays.boards.data(), nullptr, boards, 0, arrays.corners.data(), &arrays.lens, arrays.sizes.data(),
-                     selections, &constants, problem.pitch_mm / kMetre, problem.columns, problem.rows, false, false);
+  const mrcal_stats_t stats = [&] {
+    const QuietStderr quiet;
+    return mrcal_optimize(nullptr, 0, x.data(), measurements * static_cast<int>(sizeof(double)), arrays.intrinsics.data(),
+                          arrays.extrinsics.data(), arrays.frames.data(), nullptr, &warp, cameras, cameras - 1, frames, 0, 0,
+                          arrays.boards.data(), nullptr, boards, 0, arrays.corners.data(), &arrays.lens, arrays.sizes.data(),
+                          selections, &constants, problem.pitch_mm / kMetre, problem.columns, problem.rows, false, false);
+  }();
   const auto [sum, count] = squares(arrays, x);
   bool finite = std::isfinite(sum) && count > 0;
   for (const double value : arrays.intrinsics) finite = finite && std::isfinite(value);

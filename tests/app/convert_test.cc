@@ -4,13 +4,13 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "app/command_line.h"
 #include "base/camera_file.h"
 #include "base/colmap_model.h"
 #include "base/json_file.h"
 #include "base/ply.h"
 #include "base/point_list.h"
 #include "base/result_document.h"
+#include "tests/app/run_verb.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::app {
@@ -24,11 +24,7 @@ using tests::TemporaryFolder;
 /// Nothing where it went well.
 std::optional<base::Error> convert(std::vector<std::string> words) {
   words.insert(words.begin(), "convert");
-  const auto invocation = parse_command_line(words, verbs());
-  if (!invocation) return invocation.error();
-  Session session(true, 1, {});
-  const auto outcome = invocation->verb->run(invocation->arguments, session);
-  return outcome ? std::nullopt : std::optional(outcome.error());
+  return tests::run_verb(words).error;
 }
 
 std::string message(const std::vector<std::string>& words) {

@@ -8,10 +8,10 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "app/command_line.h"
 #include "base/json_file.h"
 #include "base/ply.h"
 #include "base/table.h"
+#include "tests/app/run_verb.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::app {
@@ -23,33 +23,20 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using tests::TemporaryFolder;
 
-struct Answer {
-  std::optional<base::Error> error;
-  std::string out;
-};
-
-Answer fit(std::vector<std::string> words) {
+tests::VerbAnswer fit(std::vector<std::string> words) {
   words.insert(words.begin(), "fit");
-  const auto invocation = parse_command_line(words, verbs());
-  if (!invocation) return {invocation.error(), ""};
-  Session session(true, 1, {});
-  testing::internal::CaptureStdout();
-  const auto outcome = invocation->verb->run(invocation->arguments, session);
-  std::fflush(stdout);
-  Answer run{std::nullopt, testing::internal::GetCapturedStdout()};
-  if (!outcome) run.error = outcome.error();
-  return run;
+  return tests::run_verb(words);
 }
 
 ordered_json fit_json(std::vector<std::string> words) {
   words.emplace_back("--json");
-  const Answer run = fit(words);
+  const tests::VerbAnswer run = fit(words);
   EXPECT_FALSE(run.error) << run.error->message;
   return run.error ? ordered_json() : ordered_json::parse(run.out);
 }
 
 std::string refusal(const std::vector<std::string>& words, ErrorCode code) {
-  const Answer run = fit(words);
+  const tests::VerbAnswer run = fit(words);
   if (!run.error) return "was accepted: " + run.out;
   EXPECT_EQ(run.error->code, code) << run.error->message;
   EXPECT_EQ(run.out, "");
@@ -142,12 +129,12 @@ TEST(Fit, WritesTheKeysThatResultsKeep) {
 TEST(Fit, PrintsATableWithSigmasAndExpandedUncertainties) {
   const TemporaryFolder folder;
   const std::string file = folder.write("points.xyz", lines(cylinder())).string();
-  const Answer run = fit({"cylinder", file, "--unit", "mm"});
+  const tests::VerbAnswer run = fit({"cylinder", file, "--unit", "mm"});
   ASSERT_FALSE(run.error) << run.error->message;
   EXPECT_THAT(run.out, HasSubstr("cylinder through 60 of 60 points, redundancy 55"));
   EXPECT_THAT(run.out, HasSubstr("U (k=2)"));
   EXPECT_THAT(run.out, HasSubstr("diameter"));
-  const Answer held = fit({"cylinder", file, "--unit", "mm", "--radius-mm", "20"});
+  const tests::VerbAnswer held = fit({"cylinder", file, "--unit", "mm", "--radius-mm", "20"});
   ASSERT_FALSE(held.error) << held.error->message;
   EXPECT_THAT(held.out, HasSubstr("held"));
 }

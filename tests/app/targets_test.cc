@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "app/command_line.h"
+#include "tests/app/run_verb.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::app {
@@ -20,12 +20,8 @@ struct Said {
 
 Said targets(std::vector<std::string> words) {
   words.insert(words.begin(), "targets");
-  const auto invocation = parse_command_line(words, verbs());
-  if (!invocation) return {"", invocation.error().message};
-  Session session(true, 1, {});
-  testing::internal::CaptureStdout();
-  const auto outcome = invocation->verb->run(invocation->arguments, session);
-  return {testing::internal::GetCapturedStdout(), outcome ? "" : outcome.error().message};
+  const tests::VerbAnswer answer = tests::run_verb(words);
+  return {answer.out, answer.error ? answer.error->message : ""};
 }
 
 TEST(Targets, ListsTheFamilyOrAPartOfIt) {

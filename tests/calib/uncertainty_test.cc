@@ -96,7 +96,8 @@ TEST(Uncertainty, SigmasAreTrueBySampling) {
       EXPECT_GT(counted, 20);
       const auto difference = math::projection_difference(truth, estimated, {.distance_mm = kDistance_mm, .columns = 12});
       ASSERT_TRUE(difference) << difference.error().message;
-      implied_px.add(std::pow(difference->rms_px, 2), std::pow(difference->rms_sigma_px, 2));
+      ASSERT_TRUE(difference->test);
+      implied_px.add(std::pow(difference->rms_px, 2), std::pow(difference->test->rms_sigma_px, 2));
     }
     for (const PointFrame frame : {PointFrame::kRig, PointFrame::kBoards}) {
       const auto sigmas = triangulation_sigmas(*result, frame, options);

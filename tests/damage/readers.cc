@@ -330,6 +330,11 @@ std::vector<Reader> readers() {
       {"OpenCV YAML",
        {contents_of([](const fs::path& p) { return base::write_opencv_yaml(p, some_camera()); }), true, true, "1001.25"},
        camera});
+  all.push_back({"kalibr chain",
+                 {"cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.1, 0.05, 1e-4, -2e-4]\n  distortion_model: radtan\n"
+                  "  intrinsics: [1000.5, 1001.25, 319.5, 239.5]\n  resolution: [640, 480]\n",
+                  true, true, "1001.25"},
+                 camera});
   all.push_back({"binary PLY", {contents_of([](const fs::path& p) { return base::write_ply(p, some_cloud()); })}, ply});
   all.push_back({"ASCII PLY",
                  {"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"

@@ -5,7 +5,9 @@
 
 #include "base/table.h"
 #include "report/calibration_tables.h"
+#include "tests/report/markup.h"
 #include "tests/support/synthetic_calibration.h"
+#include "tests/support/synthetic_quality.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::report {
@@ -17,13 +19,37 @@ using testing::Not;
 ReportContext context() { return {"Camera calibration", "head", {"calibrate", "rig", {}, {}, {}}, "{}"}; }
 
 TEST(CalibrationReport, ShowsWhatDecides) {
-  const std::string html = calibration_report(tests::synthetic_calibration(), context());
+  const std::string html = calibration_report(tests::synthetic_calibration(), {}, context());
   for (const char* what : {"Baseline", "How well it predicts", "Odd against even", "LENSMODEL_OPENCV8", "chosen", "mrcal 2.2",
                            "B-17", "valid until 2027-03-01", "31.5", "Coverage of camera right", "right_15",
                            "the board was not found in it", "k = 2", "high_correlation"}) {
     EXPECT_THAT(html, HasSubstr(what));
   }
   EXPECT_THAT(html, Not(HasSubstr("nan")));
+}
+
+TEST(CalibrationReport, ShowsUncertaintyPairsAndChange) {
+  const base::Calibration calibration = tests::synthetic_calibration();
+  const base::CalibrationQuality quality = tests::synthetic_quality(calibration);
+  const std::string html = calibration_report(calibration, quality, context());
+  EXPECT_EQ(tests::markup_error(html), std::nullopt);
+  for (const char* what :
+       {"Uncertainty over the image", "480 mm away", "Sigma of a projection, camera right",
+        "The same on the object, camera left", "Sigma of a point in the rig", "Sigma of a point against the boards",
+        "Pairs of images", "Since the earlier calibration", "january/results/calibrate", "baseline (was 119.200 mm)",
+        "Change over its sigma, camera left", "3 of 80 cells in common"}) {
+    EXPECT_THAT(html, HasSubstr(what));
+  }
+  EXPECT_THAT(html, Not(HasSubstr("nan")));
+  const tests::TemporaryFolder folder;
+  ASSERT_TRUE(write_map_tables(folder.path(), calibration, *quality.maps));
+  const auto map = base::read_table(folder / "uncertainty.csv");
+  ASSERT_TRUE(map) << map.error().message;
+  EXPECT_EQ(map->rows.size(), 160U);
+  const auto points = base::read_table(folder / "triangulation.csv");
+  ASSERT_TRUE(points) << points.error().message;
+  EXPECT_EQ(points->rows.size(), 80U);
+  EXPECT_EQ(points->rows[3][2], "");
 }
 
 TEST(CalibrationReport, ACameraAloneWithANominalBoardAndNoValidationSaysSo) {
@@ -34,7 +60,7 @@ TEST(CalibrationReport, ACameraAloneWithANominalBoardAndNoValidationSaysSo) {
   calibration.detectors.clear();
   calibration.second_opinion.reset();
   calibration.board.board.free = false;
-  const std::string html = calibration_report(calibration, context());
+  const std::string html = calibration_report(calibration, {}, context());
   EXPECT_THAT(html, HasSubstr("Not validated"));
   EXPECT_THAT(html, HasSubstr("taken as nominal"));
   EXPECT_THAT(html, Not(HasSubstr("id=\"rig\"")));

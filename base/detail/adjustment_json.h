@@ -1,0 +1,21 @@
+#pragma once
+
+#include "base/detail/result_json.h"
+
+namespace crosstie::base::detail {
+
+/// The figures that every adjustment has.
+template <typename Adjusted>
+void add_figures(const Adjusted& adjusted, Json& json) {
+  json["sigma0"] = adjusted.sigma0;
+  json["sigma0_px"] = adjusted.sigma0_px;
+  json["rms_px"] = adjusted.rms_px;
+  json["observations"] = adjusted.observations;
+  json["unknowns"] = adjusted.unknowns;
+  json["redundancy"] = adjusted.redundancy;
+  json["iterations"] = adjusted.iterations;
+  json["least_eigenvalue"] = adjusted.least_eigenvalue;
+  json["weakest"] = adjusted.weakest;
+}
+
+}  // namespace crosstie::base::detail
