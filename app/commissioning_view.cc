@@ -93,15 +93,17 @@ report::VolumeMap map_across(const base::Commissioning& result, const Box& box) 
 
 report::CommissioningView commissioning_view(const base::Commissioning& result, const bundle::CommissionInput& input) {
   const base::LinearAxis& axis = result.frame.axis;
-  report::CommissioningView view{result, input.head, input.cross, {}, {}};
+  report::CommissioningView view{result, input.head, input.cross, {}, volume_maps(result)};
   for (int i = 0; i < kAlong; ++i) {
     view.along.push_back(head_at(result.frame, axis.from_mm + (axis.to_mm - axis.from_mm) * i / (kAlong - 1)));
   }
-  const Box box = working_box(result);
-  view.volume.push_back(map_across(result, box));
-  view.volume.push_back(map_along(result, box, 1, "Along the travel, across it", "y in rig [mm]"));
-  view.volume.push_back(map_along(result, box, 2, "Along the travel, over the distance", "distance from the head [mm]"));
   return view;
+}
+
+std::vector<report::VolumeMap> volume_maps(const base::Commissioning& result) {
+  const Box box = working_box(result);
+  return {map_across(result, box), map_along(result, box, 1, "Along the travel, across it", "y in rig [mm]"),
+          map_along(result, box, 2, "Along the travel, over the distance", "distance from the head [mm]")};
 }
 
 double largest_frame_u_mm(const base::Commissioning& result) {

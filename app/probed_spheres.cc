@@ -5,8 +5,6 @@
 #include <fmt/core.h>
 
 #include "base/file.h"
-#include "base/sphere_list.h"
-#include "math/probed_sphere.h"
 
 namespace crosstie::app {
 namespace {
@@ -17,10 +15,10 @@ using base::Result;
 constexpr double kDiameterSigma_mm = 0.005;  ///< of a ball's certificate and of the stylus tip's calibration together
 constexpr double kLargeForm = 6.0;           ///< form error over the probe's sigma: a range of 25 normal values stays below it
 
-Result<base::ProbedSphere> fitted(const base::ProbeHits& hits, const base::ReferenceSphere* known, const JobMachine& machine,
-                                  std::vector<base::Warning>& warnings) {
-  math::SphereProbingOptions options{.stylus_diameter_mm = *machine.stylus_diameter_mm,
-                                     .probe_sigma_mm = *machine.probe_sigma_mm};
+}  // namespace
+
+Result<base::ProbedSphere> probed_sphere(const base::ProbeHits& hits, const base::ReferenceSphere* known,
+                                         math::SphereProbingOptions options, std::vector<base::Warning>& warnings) {
   base::ProbedSphere sphere;
   sphere.id = hits.id;
   // A free diameter is held against the list; the centre then takes the list's knowledge, which makes it better along the pole.
@@ -51,8 +49,6 @@ Result<base::ProbedSphere> fitted(const base::ProbeHits& hits, const base::Refer
   return sphere;
 }
 
-}  // namespace
-
 Result<std::vector<base::ProbedSphere>> probed_spheres(const Job& job, const std::vector<base::ReferenceSphere>& known,
                                                        std::vector<base::Warning>& warnings) {
   const JobMachine& machine = *job.machine;
@@ -68,7 +64,9 @@ Result<std::vector<base::ProbedSphere>> probed_spheres(const Job& job, const std
   for (const base::ProbeHits& hits : *all) {
     const auto of_cross =
         std::find_if(known.begin(), known.end(), [&](const base::ReferenceSphere& sphere) { return sphere.id == hits.id; });
-    auto sphere = fitted(hits, of_cross == known.end() ? nullptr : &*of_cross, machine, warnings);
+    auto sphere =
+        probed_sphere(hits, of_cross == known.end() ? nullptr : &*of_cross,
+                      {.stylus_diameter_mm = *machine.stylus_diameter_mm, .probe_sigma_mm = *machine.probe_sigma_mm}, warnings);
     if (!sphere) return base::fail(sphere.error().code, fmt::format("{}: {}", base::shown(path), sphere.error().message));
     spheres.push_back(std::move(*sphere));
   }

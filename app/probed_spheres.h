@@ -5,6 +5,8 @@
 #include "app/job.h"
 #include "base/machine.h"
 #include "base/result.h"
+#include "base/sphere_list.h"
+#include "math/probed_sphere.h"
 
 namespace crosstie::app {
 
@@ -13,5 +15,9 @@ namespace crosstie::app {
 /// held against it. Touches whose form error is far above the probe's sigma are a warning.
 base::Result<std::vector<base::ProbedSphere>> probed_spheres(const Job& job, const std::vector<base::ReferenceSphere>& known,
                                                              std::vector<base::Warning>& warnings);
+
+/// The same of one ball's touches; `known` is its entry in the cross's list, or null.
+base::Result<base::ProbedSphere> probed_sphere(const base::ProbeHits& hits, const base::ReferenceSphere* known,
+                                               math::SphereProbingOptions options, std::vector<base::Warning>& warnings);
 
 }  // namespace crosstie::app

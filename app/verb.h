@@ -58,6 +58,7 @@ Verb calibrate_verb();
 Verb detect_verb();
 Verb adjust_verb();
 Verb patterns_verb();
+Verb plan_verb();
 Verb scan_verb();
 Verb verify_verb();
 Verb run_verb();

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "report/detail/commissioning_sections.h"
+#include "report/detail/error_motion.h"
 #include "report/detail/html.h"
 #include "report/detail/number.h"
 #include "report/detail/travel_plot.h"
@@ -14,22 +15,6 @@ namespace {
 
 using base::ErrorMotion;
 using base::LinearAxis;
-
-/// How a motion is shown: um and urad are what machines' axes are judged in.
-struct Shown {
-  const char* letters;
-  const char* name;
-  double per_unit;  ///< from mm or rad
-  const char* unit;
-  bool angle;
-  Eigen::Index component;
-};
-constexpr std::array<Shown, 6> kShown = {{{"EXX", "positioning, beyond the scale", 1e3, "\u00b5m", false, 0},
-                                          {"EYX", "straightness along Y", 1e3, "\u00b5m", false, 1},
-                                          {"EZX", "straightness along Z", 1e3, "\u00b5m", false, 2},
-                                          {"EAX", "roll, about X", 1e6, "\u00b5rad", true, 0},
-                                          {"EBX", "pitch, about Y", 1e6, "\u00b5rad", true, 1},
-                                          {"ECX", "yaw, about Z", 1e6, "\u00b5rad", true, 2}}};
 
 std::string direction_table(const LinearAxis& axis) {
   HtmlTable table(
@@ -66,8 +51,8 @@ std::string terms_table(const LinearAxis& axis) {
        {"p", ""},
        {"Part of the axis", "", "", false}});
   for (const ErrorMotion& term : axis.terms) {
-    const auto shown = std::find_if(kShown.begin(), kShown.end(), [&](const Shown& one) { return term.name == one.letters; });
-    if (shown == kShown.end()) continue;
+    const ShownMotion* shown = shown_motion(term.name);
+    if (shown == nullptr) continue;
     const double value = term.coefficient * shown->per_unit;
     const double sigma = term.sigma * shown->per_unit;
     const int decimals = decimals_for_sigma(sigma, 1);
@@ -90,7 +75,7 @@ double basis(const LinearAxis& axis, const ErrorMotion& term, double axis_mm) {
 }
 
 /// A motion over the travel: the terms that are part of the axis with their joint covariance; where there are none, what was found.
-TravelCurve curve_of(const CommissioningView& view, const Shown& shown, bool significant_only) {
+TravelCurve curve_of(const CommissioningView& view, const ShownMotion& shown, bool significant_only) {
   const base::MachineFrame& frame = view.result.frame;
   TravelCurve curve{{}, {}, {}, shown.unit};
   for (const base::HeadPose& pose : view.along) {
@@ -116,7 +101,7 @@ TravelCurve curve_of(const CommissioningView& view, const Shown& shown, bool sig
 }
 
 /// The stations' deviations from the axis, laid onto the curve.
-std::vector<TravelMark> marks_of(const CommissioningView& view, const Shown& shown) {
+std::vector<TravelMark> marks_of(const CommissioningView& view, const ShownMotion& shown) {
   std::vector<TravelMark> marks;
   for (const base::CommissionedStation& station : view.result.stations) {
     const Eigen::Vector3d turn = station.off_axis.head<3>();
@@ -129,7 +114,7 @@ std::vector<TravelMark> marks_of(const CommissioningView& view, const Shown& sho
   return marks;
 }
 
-std::string motion_figure(const CommissioningView& view, const Shown& shown) {
+std::string motion_figure(const CommissioningView& view, const ShownMotion& shown) {
   const auto& terms = view.result.frame.axis.terms;
   const bool part = std::any_of(terms.begin(), terms.end(),
                                 [&](const ErrorMotion& term) { return term.significant && term.name == shown.letters; });
@@ -158,7 +143,7 @@ std::string commissioning_axis_section(const CommissioningView& view) {
            ? fmt::format("{} mm, {} mrad", significant(axis.stop_sigma_mm, 2), significant(1e3 * axis.stop_sigma_rad, 2))
            : std::string("none shows")}};
   std::vector<std::string> plots;
-  for (const Shown& shown : kShown) plots.push_back(motion_figure(view, shown));
+  for (const ShownMotion& shown : kShownMotions) plots.push_back(motion_figure(view, shown));
   return definition_list(facts) + direction_table(axis) + terms_table(axis) + figures(plots);
 }
 

@@ -10,6 +10,7 @@
 #include "report/detail/html.h"
 #include "report/detail/number.h"
 #include "report/detail/scene.h"
+#include "report/detail/volume_section.h"
 
 namespace crosstie::report::detail {
 namespace {
@@ -65,17 +66,19 @@ std::vector<KeyFigure> commissioning_key_figures(const CommissioningView& view) 
   return figures;
 }
 
-std::string commissioning_volume_section(const CommissioningView& view) {
+std::string commissioning_volume_section(const CommissioningView& view) { return volume_section(view.volume); }
+
+std::string volume_section(const std::vector<VolumeMap>& volume) {
   std::string html = paragraph(
       "Expanded uncertainty U (k = 2) of where a point lies in machine, in its worst direction, by the frame alone: spheres, "
       "cross, axis, "
       "lenses and rig as commissioned (target registration error). What a later scan measures adds its own noise.");
   double high = 0.0;
-  for (const VolumeMap& map : view.volume) {
+  for (const VolumeMap& map : volume) {
     if (map.expanded_mm.size() > 0) high = std::max(high, map.expanded_mm.maxCoeff());
   }
   std::vector<std::string> maps;
-  for (const VolumeMap& map : view.volume) {
+  for (const VolumeMap& map : volume) {
     const HeatGrid grid{make_axis(map.x_low, map.x_high, 5, false), make_axis(map.y_low, map.y_high, 5, false), map.expanded_mm,
                         "U", "mm"};
     maps.push_back(figure(heat_map(grid, map.title, map.x_label, map.y_label, {}, {.high = high}), map.title + "."));
