@@ -10,6 +10,7 @@
 #include "base/image.h"
 #include "base/parallel.h"
 #include "calib/corners.h"
+#include "calib/pairing.h"
 #include "markers/family.h"
 #include "markers/tags.h"
 
@@ -84,6 +85,49 @@ Result<FoundCorners> corners_of_board(const CalibrationTask& task, calib::Detect
   return FoundCorners{name, std::move(*images)};
 }
 
+/// Some of the photographs in which the board was found: whole stations, spread evenly over all of them.
+std::vector<ImageFile> sample_of(const CalibrationTask& task, const FoundCorners& found, std::size_t images) {
+  const auto stations = calib::pair_by_name(found.images, task.cameras);
+  if (!stations) return task.images;  // the calibration says why
+  // With the board in the images of all cameras; where there is none, with the board in any.
+  std::vector<std::vector<std::size_t>> usable;
+  for (std::size_t least = task.cameras.size(); least > 0 && usable.empty(); --least) {
+    for (const base::BoardStation& station : *stations) {
+      std::vector<std::size_t> of_station;
+      for (const int image : station.images) {
+        if (image >= 0 && !found.images[static_cast<std::size_t>(image)].corners.empty())
+          of_station.push_back(static_cast<std::size_t>(image));
+      }
+      if (of_station.size() >= least) usable.push_back(std::move(of_station));
+    }
+  }
+  const std::size_t count = std::min(usable.size(), std::max<std::size_t>(1, images / task.cameras.size()));
+  std::vector<ImageFile> sample;
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const std::size_t image : usable[i * usable.size() / count]) sample.push_back(task.images[image]);
+  }
+  std::sort(sample.begin(), sample.end(), [](const ImageFile& a, const ImageFile& b) { return a.name < b.name; });
+  return sample;
+}
+
+/// The second detector, to be compared with the classic one. It takes tens of times as long: where all images together are large it sees a
+/// sample of them, unless the first found the board in fewer than half and is no good for these photographs.
+Result<FoundCorners> corners_to_compare(const CalibrationTask& task, const FoundCorners& classic, Session& session) {
+  constexpr double kMostPixels = 25e6;
+  constexpr std::size_t kLeastStations = 4;
+  double pixels = 0.0;
+  for (const BoardImage& image : classic.images) pixels += static_cast<double>(image.width_px) * image.height_px;
+  const bool found_by_half = 2 * classic.images_with_board() >= static_cast<int>(classic.images.size());
+  if (pixels <= kMostPixels || !found_by_half)
+    return corners_of_board(task, calib::Detector::kSectors, "sb", task.board.board, session);
+  CalibrationTask sample = task;
+  const auto affordable = static_cast<std::size_t>(static_cast<double>(task.images.size()) * kMostPixels / pixels);
+  sample.images = sample_of(task, classic, std::max(affordable, kLeastStations * task.cameras.size()));
+  auto corners = corners_of_board(sample, calib::Detector::kSectors, "sb", task.board.board, session);
+  if (corners) corners->sample = sample.images.size() < task.images.size();
+  return corners;
+}
+
 /// Why nothing was found; a board of one corner less in either direction tells that squares were counted.
 tl::unexpected<base::Error> not_found(const CalibrationTask& task, Session& session) {
   const base::Board& board = task.board.board;
@@ -126,12 +170,13 @@ Result<std::vector<FoundCorners>> find_board(const CalibrationTask& task, Sessio
   } else if (board.pattern != base::BoardPattern::kChessboard) {
     done = add(corners_of_board(task, calib::Detector::kClassic, "circles", board, session));
   } else {
-    for (const auto& [name, detector] :
-         {std::pair{"classic", calib::Detector::kClassic}, std::pair{"sb", calib::Detector::kSectors}}) {
-      if (task.board.detector != "auto" && task.board.detector != name) continue;
-      done = add(corners_of_board(task, detector, name, board, session));
-      if (!done) break;
+    const bool choose = task.board.detector == "auto";
+    if (choose || task.board.detector == "classic") {
+      done = add(corners_of_board(task, calib::Detector::kClassic, "classic", board, session));
     }
+    if (done && task.board.detector == "sb")
+      done = add(corners_of_board(task, calib::Detector::kSectors, "sb", board, session));
+    if (done && choose) done = add(corners_to_compare(task, found.front(), session));
   }
   if (!done) return tl::unexpected(done.error());
   std::stable_sort(found.begin(), found.end(),

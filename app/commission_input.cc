@@ -170,9 +170,13 @@ Result<bundle::CommissionInput> commission_input(const Job& job, const Commissio
   for (const JobStation& station : job.stations) {
     base::Station one{.name = station.name, .axis_mm = station.axis_mm, .left = {}, .right = {}};
     for (const auto& [camera, file] : station.cross) {
-      (camera == left ? one.left : one.right) = station_image(station.name, camera);
+      const std::string name = station_image(station.name, camera);
+      (camera == left ? one.left : one.right) = name;
       for (base::ImageObservations& image : input.images) {
-        if (image.image == station_image(station.name, camera)) image.camera = camera;
+        const bool own = image.image == name;
+        if (!own && !image.image.starts_with(name + "-")) continue;
+        image.camera = camera;
+        if (!own) input.repeated.push_back({name, image.image});
       }
     }
     if (!station.cross.empty()) input.stations.push_back(std::move(one));

@@ -44,6 +44,14 @@ Result<DetectionTask> task_of(const Job& job, std::vector<ImageFile> images) {
   return task;
 }
 
+/// One file, or those that a pattern fits.
+Result<std::vector<fs::path>> photographs_of(const Job& job, const fs::path& photograph) {
+  if (photograph.string().find_first_of("*?") == std::string::npos) return std::vector<fs::path>{job.resolve(photograph)};
+  auto files = match_files(job.resolve(photograph));
+  if (!files) return base::fail(files.error().code, fmt::format("{}: {}", job.file.string(), files.error().message));
+  return files;
+}
+
 }  // namespace
 
 Result<DetectionTask> detection_task(const Job& job) {
@@ -64,11 +72,16 @@ Result<DetectionTask> station_detection_task(const Job& job) {
   std::set<fs::path> seen;
   for (const JobStation& station : job.stations) {
     for (const auto& [camera, photograph] : station.cross) {
-      fs::path path = job.resolve(photograph);
-      if (!seen.insert(path).second) {
-        return bad_job(job, fmt::format("the image {} is named twice, again by station {}", path.string(), station.name));
+      const auto files = photographs_of(job, photograph);
+      if (!files) return tl::unexpected(files.error());
+      for (std::size_t i = 0; i < files->size(); ++i) {
+        const fs::path& path = (*files)[i];
+        if (!seen.insert(path).second) {
+          return bad_job(job, fmt::format("the image {} is named twice, again by station {}", path.string(), station.name));
+        }
+        const std::string name = station_image(station.name, camera);
+        images.push_back({i == 0 ? name : fmt::format("{}-{}", name, i + 1), camera, path});
       }
-      images.push_back({station_image(station.name, camera), camera, std::move(path)});
     }
   }
   if (images.empty()) return bad_job(job, "no [[station]] has photographs of the cross");

@@ -132,7 +132,19 @@ std::vector<base::Warning> warnings_of(const CalibrationTask& task) {
   return warnings;
 }
 
-/// What each detector's corners lead to; nothing where there is one detector only.
+/// Those of `images` that `sample` holds, too.
+std::vector<base::BoardImage> same_photographs(const std::vector<base::BoardImage>& images,
+                                               const std::vector<base::BoardImage>& sample) {
+  std::vector<base::BoardImage> same;
+  for (const base::BoardImage& image : images) {
+    if (std::any_of(sample.begin(), sample.end(),
+                    [&](const auto& s) { return s.image == image.image && s.camera == image.camera; }))
+      same.push_back(image);
+  }
+  return same;
+}
+
+/// What each detector's corners lead to; of a sample of the photographs the first one's, too. nothing where there is one detector only.
 std::vector<base::DetectorTrial> detector_trials(const CalibrationTask& task, const std::vector<FoundCorners>& found,
                                                  const Calibration& used, Session& session) {
   std::vector<base::DetectorTrial> trials;
@@ -146,9 +158,13 @@ std::vector<base::DetectorTrial> detector_trials(const CalibrationTask& task, co
   if (used.rig) own.baseline_mm = used.rig->baseline_mm;
   own.used = true;
   const calib::BoardViews views{task.board.board, task.cameras, found.front().images};
-  for (std::size_t i = 1; i < found.size(); ++i) {
-    trials.push_back(calib::compare_corners(found[i].detector, {task.board.board, task.cameras, found[i].images}, views,
+  const auto compare = [&](const std::string& detector, const std::vector<base::BoardImage>& images) {
+    trials.push_back(calib::compare_corners(detector, {task.board.board, task.cameras, images}, views,
                                             used.cameras.front().camera.model(), task.options, session.progress()));
+  };
+  for (std::size_t i = 1; i < found.size(); ++i) {
+    if (found[i].sample) compare(found.front().detector, same_photographs(found.front().images, found[i].images));
+    compare(found[i].detector, found[i].images);
   }
   return trials;
 }

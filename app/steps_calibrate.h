@@ -47,6 +47,7 @@ base::Result<StepOutcome> calibrate_step(const CalibrationTask& task, const std:
 struct FoundCorners {
   std::string detector;  ///< "classic", "sb", "tags", "circles", or the name of the file that they come from
   std::vector<base::BoardImage> images;
+  bool sample = false;  ///< only some of the photographs were searched, to compare detectors on them
 
   [[nodiscard]] int images_with_board() const;
 };

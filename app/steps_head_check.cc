@@ -25,10 +25,11 @@ using base::Result;
 using nlohmann::ordered_json;
 
 /// What the operator reads first.
-std::string verdict_line(HeadCheck::Verdict verdict) {
-  switch (verdict) {
+std::string verdict_line(const HeadCheck& check) {
+  switch (check.verdict) {
     case HeadCheck::Verdict::kHolds:
-      return "rig and frame hold";
+      return check.cross_markers > 0 ? "rig and frame hold"
+                                     : "the rig holds as far as a pair without the cross tells; the frame is not tested";
     case HeadCheck::Verdict::kRig:
       return "RIG MOVED: the cameras moved against each other; calibrate and commission the head anew";
     case HeadCheck::Verdict::kHeadOrCross:
@@ -44,7 +45,7 @@ std::string verdict_line(HeadCheck::Verdict verdict) {
 }
 
 std::vector<std::string> lines_of(const HeadCheck& check) {
-  std::vector<std::string> lines = {verdict_line(check.verdict)};
+  std::vector<std::string> lines = {verdict_line(check)};
   if (!check.message.empty()) lines.push_back(check.message);
   for (const HeadCheck::Test& test : check.tests) {
     std::string value;
@@ -129,12 +130,11 @@ Result<HeadCheckOutcome> check_head_step(const Job& job, const HeadCheckTask& ta
                           {"significance", check_options.significance},
                           {"temperature_limit_c", check_options.temperature_limit_c}};
   if (task.temperature_c) options["temperature_c"] = *task.temperature_c;
-  const std::string html = report::head_check_report(*check, verdict_line(check->verdict),
-                                                     {"Check of the head", job.name, envelope, options.dump(2)});
+  const std::string html =
+      report::head_check_report(*check, verdict_line(*check), {"Check of the head", job.name, envelope, options.dump(2)});
   const ordered_json json = base::result_json(envelope, options, base::head_check_json(*check));
   if (auto published = publish(*folder, html, json); !published) return base::fail(std::move(published));
-  return HeadCheckOutcome{{out, verdict_line(check->verdict), false, holds ? Outcome::kOk : Outcome::kVerdictFailed},
-                          lines_of(*check)};
+  return HeadCheckOutcome{{out, verdict_line(*check), false, holds ? Outcome::kOk : Outcome::kVerdictFailed}, lines_of(*check)};
 }
 
 }  // namespace crosstie::app

@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "bundle/detail/head_measurements.h"
+#include "bundle/detail/rig_check.h"
 #include "math/distributions.h"
 
 namespace crosstie::bundle {
@@ -29,9 +30,11 @@ using Eigen::VectorXd;
 
 constexpr int kLeastMarkers = 6;
 constexpr int kMaxSteps = 12;
-constexpr double kRayLevel = 1e-5;    // of an image point that no chance explains
-constexpr double kUnseen_rad = 1e-3;  // of a turn: its sigma beyond which the pair says nothing of it
-constexpr double kUnseen_mm = 1.0;
+constexpr double kRayLevel = 1e-5;  // of an image point that no chance explains
+using detail::kUnseen_mm;
+using detail::kUnseen_rad;
+
+constexpr const char* kRigNames[] = {"relative pitch", "yaw", "roll", "baseline x", "baseline y", "baseline z"};
 
 /// A ray of this pair to a marker of the cross.
 struct Ray {
@@ -124,7 +127,10 @@ class Check {
   void conclude();
   [[nodiscard]] bool linearise(const Pose& machine_from_rig, const Pose& right_from_left, Linear& linear) const;
   void second_reference();
-  void compare_epipolar();
+  [[nodiscard]] std::vector<detail::CommonMarker> common() const;
+  Result<> epipolar_only();
+  /// Of both lenses and the rig.
+  [[nodiscard]] MatrixXd head_cov() const { return known_.covariance.topLeftCorner(at_.frame, at_.frame); }
 
   const CheckInput& input_;
   const CheckOptions& options_;
@@ -270,10 +276,9 @@ Result<> Check::against_cross() {
     check_.tests.push_back(std::move(rig));
     check_.tests.push_back(chi_square_test("head against cross", statistic(head_change, both.cov.bottomRightCorner<6, 6>()), 6,
                                            options_.significance));
-    constexpr const char* kNames[] = {"relative pitch", "yaw", "roll", "baseline x", "baseline y", "baseline z"};
     for (Index i = 0; i < 6; ++i) {
       HeadCheck::Test test{
-          .name = kNames[i], .unit = i < 3 ? "rad" : "mm", .value = rig_change(i), .sigma = check_.rig_change_sigma(i)};
+          .name = kRigNames[i], .unit = i < 3 ? "rad" : "mm", .value = rig_change(i), .sigma = check_.rig_change_sigma(i)};
       test.dof = 1;
       test.statistic = std::pow(test.value / test.sigma, 2);
       test.p = std::erfc(std::sqrt(0.5 * test.statistic));
@@ -283,21 +288,73 @@ Result<> Check::against_cross() {
   }
 }
 
-void Check::compare_epipolar() {
-  const Pose& right_from_left = known_.head.right_from_left;
-  double square = 0.0;
-  for (const Ray& left : rays_) {
-    for (const Ray& right : rays_) {
-      if (left.camera != 0 || right.camera != 1 || left.marker != right.marker) continue;
-      const auto a = known_.head.left.unproject(left.px);
-      const auto b = known_.head.right.unproject(right.px);
-      if (!a || !b) continue;
-      ++check_.common_markers;
-      const Vector3d normal = right_from_left.translation_mm.cross(right_from_left.rotation * *a).normalized();
-      square += std::pow(normal.dot(*b / b->z()) * known_.head.right.focal_px().mean(), 2);
+/// Markers that both cameras see, of the cross or not.
+std::vector<detail::CommonMarker> Check::common() const {
+  const double factor = known_.image_sigma_factor * known_.image_sigma_factor;
+  const auto usable = [&](const base::ImageObservations& image) {
+    std::map<int, const base::Observation*> of_id;
+    for (const base::Observation& seen : image.observations) {
+      if (seen.status != base::ObservationStatus::kCoded || !seen.centre_px.allFinite()) continue;
+      const auto [place, is_new] = of_id.emplace(seen.id, &seen);
+      if (!is_new) place->second = nullptr;  // read twice: neither is believed
     }
+    return of_id;
+  };
+  const auto covariance = [&](const base::Observation& seen) -> Eigen::Matrix2d {
+    if (seen.cov_px2.allFinite() && seen.cov_px2.trace() > 0.0) return factor * seen.cov_px2;
+    return Eigen::Matrix2d::Identity() * (known_.sigma0_px * known_.sigma0_px);
+  };
+  std::vector<detail::CommonMarker> markers;
+  const auto right = usable(input_.right);
+  for (const auto& [id, left] : usable(input_.left)) {
+    const auto other = right.find(id);
+    if (left == nullptr || other == right.end() || other->second == nullptr) continue;
+    markers.push_back({id, left->centre_px, other->second->centre_px, covariance(*left), covariance(*other->second)});
   }
-  if (check_.common_markers > 0) check_.epipolar_rms_px = std::sqrt(square / check_.common_markers);
+  return markers;
+}
+
+/// The rig by epipolar distances: all that a pair without the cross tells. Seven tests share the level, as with the cross.
+Result<> Check::epipolar_only() {
+  if (static_cast<int>(check_.common_markers) < static_cast<int>(detail::kLeastCommon)) {
+    return fail(
+        ErrorCode::kNoUniqueSolution,
+        fmt::format("{} image points of markers of the cross are seen in this pair ({} are needed), and {} markers by both "
+                    "cameras ({} are needed to test the rig without the cross)",
+                    rays_.size(), kLeastMarkers, check_.common_markers, detail::kLeastCommon));
+  }
+  const detail::RigCheck rig = detail::check_rig(known_.head, head_cov(), common(), kRayLevel);
+  check_.rejected = rig.rejected;
+  if (rig.dof == 0) {
+    return fail(ErrorCode::kNoUniqueSolution,
+                "the markers that both cameras see say nothing of the rig: too few of them agree");
+  }
+  check_.rig_change = rig.change;
+  check_.rig_change_sigma = rig.sigma;
+  check_.rig_seen = rig.seen;
+  check_.epipolar_rms_px = rig.rms_px;
+  HeadCheck::Test test = chi_square_test("rig", rig.statistic, rig.dof, options_.significance / 7.0);
+  for (const double alone : rig.alone)
+    test.accused = test.accused || std::erfc(std::abs(alone) / std::sqrt(2.0)) < options_.significance / 7.0;
+  check_.tests.push_back(std::move(test));
+  std::string unseen;
+  for (std::size_t i = 0; i < 6; ++i) {
+    if (!rig.seen[i]) {
+      unseen += (unseen.empty() ? "" : ", ") + std::string(kRigNames[i]);
+      continue;
+    }
+    const auto at = static_cast<Index>(i);
+    HeadCheck::Test one{.name = kRigNames[i], .unit = i < 3 ? "rad" : "mm", .value = rig.change(at), .sigma = rig.sigma(at)};
+    one.dof = 1;
+    one.statistic = std::pow(one.value / one.sigma, 2);
+    one.p = std::erfc(std::sqrt(0.5 * one.statistic));
+    check_.tests.push_back(std::move(one));
+  }
+  check_.warnings.push_back(
+      {"cross_not_seen", "cross",
+       fmt::format("the cross is not in view: {} of the rig, and the head's place in the machine, are not tested",
+                   unseen.empty() ? "nothing" : unseen)});
+  return {};
 }
 
 void Check::second_reference() {
@@ -362,7 +419,8 @@ void Check::conclude() {
         "the head on its carriage or the cross on the machine moved; one pair cannot tell which: probe the spheres again";
   } else {
     check_.verdict = Verdict::kHolds;
-    check_.message = "rig and frame hold";
+    check_.message =
+        check_.cross_markers > 0 ? "rig and frame hold" : "the rig holds, as far as markers beside the cross can tell";
   }
 }
 
@@ -375,8 +433,15 @@ Result<HeadCheck> Check::run() {
   check_.level = options_.significance;
   collect(input_.left, 0);
   collect(input_.right, 1);
-  compare_epipolar();
-  if (auto compared = against_cross(); !compared) return fail(std::move(compared));
+  const std::vector<detail::CommonMarker> seen_by_both = common();
+  check_.common_markers = static_cast<int>(seen_by_both.size());
+  const bool cross_in_view = static_cast<int>(rays_.size()) >= kLeastMarkers;
+  if (auto compared = cross_in_view ? against_cross() : epipolar_only(); !compared) return fail(std::move(compared));
+  if (cross_in_view) {
+    const VectorXd distances = detail::epipolar_of(known_.head, head_cov(), seen_by_both).residual_px;
+    if (distances.size() > 0)
+      check_.epipolar_rms_px = std::sqrt(distances.squaredNorm() / static_cast<double>(distances.size()));
+  }
   second_reference();
   if (input_.temperature_c && known_.head.temperature_c) {
     const double off = *input_.temperature_c - *known_.head.temperature_c;

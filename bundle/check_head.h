@@ -31,9 +31,14 @@ struct CheckOptions {
 /// covariance of both; changes of the rig (right_from_left, 6) and of the head against the cross (6) are estimated together and each
 /// is tested with the other one free; of the rig all six together and each as if it alone had moved.
 ///
+/// Without the cross in view (fewer than 6 image points of its markers) the markers that both cameras see, wherever they are, test the rig by
+/// their distances from the epipolar curves: pitch and roll well, yaw hardly, the baseline's length not at all; HeadCheck::rig_seen says what,
+/// cross_markers is 0, and nothing is said of the head's place.
+///
 /// One pair cannot tell whether the head moved on its carriage or the cross on the machine: probed_again does.
 ///
-/// Errors: kBadInput for a reading outside of the travel; kNoUniqueSolution where fewer than 6 image points of markers of the cross are seen.
+/// Errors: kBadInput for a reading outside of the travel (MachineFrame::at); kNoUniqueSolution where neither 6 image points of markers of the
+/// cross nor 8 markers common to both cameras are seen.
 base::Result<base::HeadCheck> check_head(const CheckInput& input, const CheckOptions& options = {});
 
 }  // namespace crosstie::bundle

@@ -229,6 +229,20 @@ Result<detail::StationPoses> station_poses(const Work& work, const Solved& at) {
   return stations;
 }
 
+/// The point of the carriage that lies in the middle of what the head saw of the cross, where it is when the carriage is in the middle.
+Vector3d middle_of_view(const Work& work, const Vector3d& direction, double middle_mm) {
+  Vector3d sum = Vector3d::Zero();
+  int count = 0;
+  for (const detail::HeadRay& ray : work.survey.rays) {
+    if (!ray.active) continue;
+    const auto station = static_cast<std::size_t>(work.survey.images[static_cast<std::size_t>(ray.image)].station);
+    const Vector3d marker = work.state.machine_from_cross * work.state.markers[static_cast<std::size_t>(ray.marker)];
+    sum += marker - direction * (work.survey.stations[station].axis_mm - middle_mm);
+    ++count;
+  }
+  return count > 0 ? Vector3d(sum / count) : sum;
+}
+
 Result<> check_input(const CommissionInput& input) {
   if (auto valid = input.cross.validate(); !valid) return valid;
   if (!(input.reading_sigma_mm > 0.0) || !std::isfinite(input.reading_sigma_mm)) {
@@ -246,7 +260,7 @@ Result<> CommissionOptions::validate() const {
   if (!share(significance) || !share(rejection_significance)) {
     return fail(ErrorCode::kUsage, "levels of significance lie between 0 and 0.5");
   }
-  if (!(tolerance_px > 0.0) || !sigma(stop_sigma_mm) || !sigma(stop_sigma_rad) || !pivot_mm.allFinite()) {
+  if (!(tolerance_px > 0.0) || !sigma(stop_sigma_mm) || !sigma(stop_sigma_rad) || (pivot_mm && !pivot_mm->allFinite())) {
     return fail(ErrorCode::kUsage, "the tolerance must be positive, the sigmas of stops not negative, the pivot finite");
   }
   return {};
@@ -291,7 +305,8 @@ Result<base::Commissioning> commission(const CommissionInput& input, const Commi
     axis.carriage.across.col(1) = straight->direction.cross(axis.carriage.across.col(0));
     axis.carriage.middle_mm = 0.5 * (*least + *most);
     axis.carriage.half_mm = 0.5 * (*most - *least);
-    axis.carriage.pivot_mm = options.pivot_mm + straight->direction * axis.carriage.middle_mm;
+    axis.carriage.pivot_mm = options.pivot_mm ? *options.pivot_mm + straight->direction * axis.carriage.middle_mm
+                                              : middle_of_view(work, straight->direction, axis.carriage.middle_mm);
     axis.scale_ppm = straight->scale_ppm;
     const detail::AxisMotion motion =
         detail::find_motion(*stations, axis.carriage, axis.scale_ppm, input.reading_sigma_mm, options);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -20,6 +21,13 @@ struct CommissionInput {
   std::vector<base::Station> stations;
   std::vector<base::ImageObservations> images;  ///< those that the stations name
   double reading_sigma_mm = 0.005;              ///< of a reading of the axis
+  /// Further photographs taken at a station without moving, each with the name of the station's own one by the same camera: they share
+  /// its pose and its reading, and their noise averages.
+  struct Repeated {
+    std::string of;
+    std::string image;
+  };
+  std::vector<Repeated> repeated = {};
 };
 
 /// Part of space in which the head measures, in the rig's frame: where the frame's share of the uncertainty is reported.
@@ -39,8 +47,10 @@ struct CommissionOptions {
   /// 1e-2; then what they show (residual maximum likelihood, one value for coordinates and one for angles).
   std::optional<double> stop_sigma_mm = {};
   std::optional<double> stop_sigma_rad = {};
-  /// Point in machine, with the axis at reading 0, whose path direction, scale and straightness describe (LinearAxis).
-  Eigen::Vector3d pivot_mm = Eigen::Vector3d::Zero();
+  /// Point in machine, with the axis at reading 0, whose path direction, scale and straightness describe (LinearAxis): the functional point
+  /// of ISO 230-1. Nothing: the middle of what the head saw of the cross, on its carriage. Far from there an angle moves all that the head
+  /// sees, and photographs cannot tell it from straightness: a roll may then be taken for a pitch.
+  std::optional<Eigen::Vector3d> pivot_mm = {};
   /// Distance of an image point from its prediction by the start values beyond which its id is not believed.
   double tolerance_px = 5.0;
   std::optional<WorkingVolume> volume = {};  ///< nothing: the box round the cross as the stations saw it

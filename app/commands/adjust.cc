@@ -1,6 +1,8 @@
 // crosstie adjust: observations of a network -> coordinates with sigmas
 
-#include "app/steps.h"
+#include <fmt/core.h>
+
+#include "app/job_steps.h"
 #include "app/verb.h"
 #include "base/text.h"
 
@@ -64,13 +66,12 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto job = read_job(*arguments.get("JOB"));
   if (!job) return tl::unexpected(job.error());
   const auto results = job->folder / "results";
-  if (const auto scale = check_scale(*job); !scale) return tl::unexpected(scale.error());
-  const auto task = detection_task(*job);
-  if (!task) return tl::unexpected(task.error());
-  const auto detection = detect_step(*task, results / "detect", false, session);
-  if (!detection) return tl::unexpected(detection.error());
-  session.say("detect  " + detection->summary);
-  const auto adjustment = adjust_step(*job, detection->folder, out ? std::filesystem::path(*out) : results / "adjust", session);
+  const auto tell = [&](const JobStep& step, const StepOutcome& done) {
+    session.say(fmt::format("{:<8}{}", step.name, done.summary));
+  };
+  if (auto done = prepare("adjust", {*job, results, session}, tell); !done) return base::fail(std::move(done));
+  const auto adjustment =
+      adjust_step(*job, results / "detect", out ? std::filesystem::path(*out) : results / "adjust", session);
   if (!adjustment) return tl::unexpected(adjustment.error());
   return said(*adjustment, session);
 }

@@ -208,7 +208,10 @@ Verb calibrate_verb() {
        {"--bend-sigma-mm", "MM", "the prior: smooth bending (default 1/1000 of the diagonal)", false, false},
        {"--pitch-sigma-ppm", "PPM", "the prior: scale of the pitch (default 1000)", false, false},
        {"--lens", "LENS", "pinhole, opencv4, opencv5, opencv8, opencv12 (default: chosen by cross-validation)", false, false},
-       {"--detector", "DETECTOR", "of a chessboard: classic, sb, or auto (default): what finds more, compared with the other",
+       {"--detector", "DETECTOR",
+        "of a chessboard: classic, sb, or auto (default): what finds more; above 25 megapixels of images classic, compared "
+        "with sb "
+        "on a sample",
         false, false},
        {"--baseline-mm", "MM", "distance of the cameras as a drawing says; what contradicts it is refused", false, false},
        {"--sigma-px", "PX", "standard deviation of a corner's coordinate (default: told by the residuals)", false, false},

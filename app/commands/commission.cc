@@ -2,7 +2,7 @@
 
 #include <fmt/core.h>
 
-#include "app/commission_run.h"
+#include "app/job_steps.h"
 #include "app/steps_commission.h"
 #include "app/verb.h"
 
@@ -41,13 +41,14 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
     if (arguments.has(option)) return base::fail(ErrorCode::kUsage, std::string(option) + " goes with --check");
   }
   if (auto complete = check_commission(*job); !complete) return base::fail(std::move(complete));
-  const auto tell = [&](const char* verb, const StepOutcome& step) {
-    session.say(fmt::format("{:<11}{}", verb, step.summary));
+  const auto tell = [&](std::string_view name, const StepOutcome& step) {
+    session.say(fmt::format("{:<11}{}", name, step.summary));
   };
-  const auto sources = commission_sources(*job, results, tell, session);
-  if (!sources) return tl::unexpected(sources.error());
+  const auto of_step = [&](const JobStep& step, const StepOutcome& done) { tell(step.name, done); };
+  if (auto done = prepare("commission", {*job, results, session}, of_step); !done) return base::fail(std::move(done));
+  const CommissionSources sources{results / "calibrate", results / "adjust", results / "detect-stations"};
   const auto out = arguments.get("--out");
-  const auto step = commission_step(*job, *sources, out ? std::filesystem::path(*out) : results / "commission", session);
+  const auto step = commission_step(*job, sources, out ? std::filesystem::path(*out) : results / "commission", session);
   if (!step) return tl::unexpected(step.error());
   tell("commission", *step);
   session.print((step->folder / "result.json").string());

@@ -1,58 +1,58 @@
 // crosstie run: a job folder, step by step, only what is out of date
 
-#include "app/steps.h"
-#include "app/steps_calibrate.h"
-#include "app/verb.h"
+#include <algorithm>
 
 #include <fmt/core.h>
+
+#include "app/job_graph.h"
+#include "app/job_steps.h"
+#include "app/verb.h"
 
 namespace crosstie::app {
 namespace {
 
+using base::ErrorCode;
 using base::Result;
 
-/// Says what a step did and folds its outcome into that of the run.
-void tell(Session& session, const char* verb, const StepOutcome& step, Outcome& outcome) {
-  session.say(
-      fmt::format("{:<8}{}{}", verb, step.summary, step.outcome == Outcome::kVerdictFailed ? "  (a verdict FAILs)" : ""));
-  session.print((step.folder / "report.html").string());
-  if (step.outcome == Outcome::kVerdictFailed) outcome = Outcome::kVerdictFailed;
+/// The steps that are to be done: all that the job asks for, or those up to one.
+Result<std::vector<const JobStep*>> chosen_steps(const Job& job, const Arguments& arguments) {
+  if (const auto last = arguments.get("--to")) return steps_until(job, *last);
+  std::vector<const JobStep*> steps = steps_of(job);
+  if (steps.empty()) {
+    return base::fail(ErrorCode::kBadInput,
+                      fmt::format("{}: the job asks for nothing: it has no [board] with cameras to calibrate, no [network] of "
+                                  "photographs and no [cross] that a head sees",
+                                  job.file.string()));
+  }
+  return steps;
 }
 
 Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto job = read_job(*arguments.get("JOB"));
   if (!job) return tl::unexpected(job.error());
+  const auto steps = chosen_steps(*job, arguments);
+  if (!steps) return tl::unexpected(steps.error());
+  if (arguments.has("--print-graph")) {
+    const auto graph = snakefile(*job, *steps);
+    if (!graph) return tl::unexpected(graph.error());
+    session.print(*graph);
+    return Outcome::kOk;
+  }
   for (const std::string& section : job->unused)
     session.say(fmt::format("[{}] of the job is not used by this version", section));
-  const auto out = arguments.get("--out");
-  const std::filesystem::path results = out ? std::filesystem::path(*out) : job->folder / "results";
+
+  std::size_t width = 0;
+  for (const JobStep* step : *steps) width = std::max(width, step->name.size());
   Outcome outcome = Outcome::kOk;
-
-  if (job->board) {
-    const auto boards = calibration_task(*job);
-    if (!boards) return tl::unexpected(boards.error());
-    const auto calibration = calibrate_step(*boards, results / "calibrate", session);
-    if (!calibration) return tl::unexpected(calibration.error());
-    tell(session, "calibrate  ", *calibration, outcome);
-    if (!job->network) return outcome;
-  }
-  if (const auto scale = check_scale(*job); !scale) return tl::unexpected(scale.error());
-  const auto task = detection_task(*job);
-  if (!task) return tl::unexpected(task.error());
-  const auto detection = detect_step(*task, results / "detect", false, session);
-  if (!detection) return tl::unexpected(detection.error());
-  tell(session, "detect", *detection, outcome);
-
-  const auto adjustment = adjust_step(*job, detection->folder, results / "adjust", session);
-  if (!adjustment) return tl::unexpected(adjustment.error());
-  tell(session, "adjust", *adjustment, outcome);
-
-  if (!job->reference_points) return outcome;
-  const auto comparison = verification_task(*job, adjustment->folder);
-  if (!comparison) return tl::unexpected(comparison.error());
-  const auto verification = verify_step(*comparison, results / "verify", session);
-  if (!verification) return tl::unexpected(verification.error());
-  tell(session, "verify", *verification, outcome);
+  const auto tell = [&](const JobStep& step, const StepOutcome& done) {
+    const bool failed = done.outcome == Outcome::kVerdictFailed;
+    session.say(fmt::format("{:<{}}  {}{}", step.name, width, done.summary, failed ? "  (a verdict FAILs)" : ""));
+    session.print((done.folder / "report.html").string());
+    if (failed) outcome = Outcome::kVerdictFailed;
+  };
+  const auto out = arguments.get("--out");
+  const StepRun at{*job, out ? std::filesystem::path(*out) : job->folder / "results", session};
+  if (auto done = do_steps(*steps, at, tell); !done) return base::fail(std::move(done));
   return outcome;
 }
 
@@ -67,7 +67,12 @@ Verb run_verb() {
           "  verify  44 points, RMS 0.0084 0.0071 0.0085 mm (x y z), deviation over predicted sigma 0.93; 0 of 9 uncoded have "
           "a partner",
           {{"JOB", "JOB", "job folder or its job.toml", true, false},
-           {"--out", "DIR", "folder for the results of all steps, DIR/<verb>/ (default: JOB/results)", false, false}},
+           {"--to", "STEP",
+            "only this step and what it needs: calibrate, detect, adjust, stations, commission, verify (default: all of them)",
+            false, false},
+           {"--out", "DIR", "folder for the results of all steps, DIR/<step>/ (default: JOB/results)", false, false},
+           {"--print-graph", "", "instead: print the steps with their files as a Snakefile, to be run in the job folder", false,
+            false}},
           run};
 }
 

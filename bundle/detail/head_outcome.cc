@@ -79,7 +79,7 @@ void fill_axis(const HeadResult& at, const MatrixXd& cov, base::MachineFrame& fr
   axis.level = at.options.significance;
   axis.from_mm = carriage.middle_mm - carriage.half_mm;
   axis.to_mm = carriage.middle_mm + carriage.half_mm;
-  axis.pivot_mm = at.options.pivot_mm;
+  axis.pivot_mm = carriage.pivot_mm - axis.direction_in_machine * carriage.middle_mm;
   axis.stop_sigma_mm = at.axis.stop_sigma_mm;
   axis.stop_sigma_rad = at.axis.stop_sigma_rad;
   axis.reading_sigma_mm = at.input.reading_sigma_mm;

@@ -202,8 +202,15 @@ Result<HeadSurvey> survey_head(const CommissionInput& input) {
     }
     const int index = static_cast<int>(survey.stations.size());
     survey.stations.push_back({station->name, station->axis_mm});
-    if (auto added = add_image(input, station->left, index, 0, marker_of_id, survey); !added) return fail(std::move(added));
-    if (auto added = add_image(input, station->right, index, 1, marker_of_id, survey); !added) return fail(std::move(added));
+    for (const int camera : {0, 1}) {
+      const std::string& own = camera == 0 ? station->left : station->right;
+      if (auto added = add_image(input, own, index, camera, marker_of_id, survey); !added) return fail(std::move(added));
+      for (const CommissionInput::Repeated& more : input.repeated) {
+        if (own.empty() || more.of != own) continue;
+        if (auto added = add_image(input, more.image, index, camera, marker_of_id, survey); !added)
+          return fail(std::move(added));
+      }
+    }
   }
   if (survey.rays.empty()) {
     return fail(ErrorCode::kNoUniqueSolution,

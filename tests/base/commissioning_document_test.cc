@@ -52,7 +52,10 @@ TEST(CommissioningDocument, GivesTheHeadAtAnyReadingBackAsItWas) {
     EXPECT_LT((before->cov - after->cov).norm(), 1e-12 * before->cov.norm());
     EXPECT_LT((before->stop_cov - after->stop_cov).norm(), 1e-12 * before->stop_cov.norm());
   }
-  EXPECT_FALSE(read->frame.at(901.0)) << "nothing is known beyond the travel";
+  EXPECT_TRUE(read->frame.at(900.9)) << "a stop does not repeat its reading to the last digit: 0.1 % of the travel";
+  EXPECT_TRUE(read->frame.at(-100.9));
+  EXPECT_FALSE(read->frame.at(901.1)) << "nothing is known beyond the travel";
+  EXPECT_FALSE(read->frame.at(-101.1));
   EXPECT_EQ(read->head.cov, written.head.cov);
   EXPECT_EQ(read->head.left.parameters(), written.head.left.parameters());
   EXPECT_EQ(read->head.temperature_c, written.head.temperature_c);

@@ -18,6 +18,8 @@ namespace crosstie::tests {
 /// camera's own formula; nothing of the solver is used.
 struct HeadPlan {
   int stations = 5;
+  int pairs = 1;       ///< of photographs at each stop
+  double depth = 1.0;  ///< factor of the heights of markers and balls: 0 is a flat cross
   double from_mm = 350.0;
   double to_mm = 1350.0;
   double image_sigma_px = 0.03;
@@ -46,6 +48,9 @@ struct SyntheticHead {
   base::Camera left;
   base::Camera right;
   std::vector<Eigen::Vector3d> markers;  ///< true, in cross, on the machine
+  std::vector<Eigen::Vector3d> spheres;  ///< true, in machine, by id - 1
+
+  [[nodiscard]] const Eigen::Vector3d& sphere(int id) const { return spheres[static_cast<std::size_t>(id - 1)]; }
 
   /// Where the head truly is, without the scatter of a stop.
   [[nodiscard]] base::Pose machine_from_rig(double s_mm) const {
@@ -120,7 +125,8 @@ inline SyntheticHead make_head(const HeadPlan& plan, std::uint64_t seed) {
                      .right_from_left = {},
                      .left = left,
                      .right = right,
-                     .markers = {}};
+                     .markers = {},
+                     .spheres = {}};
   bundle::CommissionInput& input = head.input;
   // Stated lens and rig, the true ones drawn about them.
   const double toe_in = 0.30;
@@ -158,6 +164,7 @@ inline SyntheticHead make_head(const HeadPlan& plan, std::uint64_t seed) {
     } else {
       at = {place(35.0), -460.0 + 54.0 * (i - 22), 40.0 + place(45.0)};
     }
+    at.z() *= plan.depth;
     head.markers.push_back(add(at));
     input.cross.markers.push_back({i + 1, at + draw3(plan.cross_sigma_mm),
                                    Eigen::Matrix3d(Eigen::Matrix3d::Identity() * plan.cross_sigma_mm * plan.cross_sigma_mm)});
@@ -165,12 +172,14 @@ inline SyntheticHead make_head(const HeadPlan& plan, std::uint64_t seed) {
   head.machine_from_cross = {Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Eigen::Vector3d(0.3, -0.5, 0.8).normalized())),
                              {850.0, 300.0, -250.0}};
   int id = 0;
-  for (const Eigen::Vector3d& at :
+  for (Eigen::Vector3d at :
        {Eigen::Vector3d(700, 0, 10), Eigen::Vector3d(0, 500, -5), Eigen::Vector3d(-700, 5, 20), Eigen::Vector3d(-5, -500, 0)}) {
     ++id;
+    at.z() *= plan.depth;
     input.cross.spheres.push_back(
         {id, at + draw3(plan.cross_sigma_mm), Eigen::Matrix3d::Identity() * plan.cross_sigma_mm * plan.cross_sigma_mm, 30.0});
-    input.probed.push_back({id, head.machine_from_cross * add(at) + draw3(plan.sphere_sigma_mm),
+    head.spheres.emplace_back(head.machine_from_cross * add(at));
+    input.probed.push_back({id, head.spheres.back() + draw3(plan.sphere_sigma_mm),
                             Eigen::Matrix3d::Identity() * plan.sphere_sigma_mm * plan.sphere_sigma_mm});
   }
   // The head looks along machine -Z; both cameras' axes meet in the cross's plane. Left camera at -400 mm of the middle.
@@ -187,8 +196,12 @@ inline SyntheticHead make_head(const HeadPlan& plan, std::uint64_t seed) {
     pose.rotation = base::rotation_exp(draw3(plan.stop_sigma_rad)) * pose.rotation;
     pose.translation_mm += draw3(plan.stop_sigma_mm);
     const std::string name = fmt::format("x{:04.0f}", s);
-    for (auto& image : head.photographs(pose, name, head.right_from_left, random, plan.image_sigma_px)) {
-      input.images.push_back(std::move(image));
+    for (int pair = 0; pair < plan.pairs; ++pair) {
+      const std::string own = pair == 0 ? name : fmt::format("{}_{}", name, pair + 1);
+      for (auto& image : head.photographs(pose, own, head.right_from_left, random, plan.image_sigma_px)) {
+        if (pair > 0) input.repeated.push_back({name + (image.camera == "left" ? "_l" : "_r"), image.image});
+        input.images.push_back(std::move(image));
+      }
     }
     input.stations.push_back({name, s + plan.reading_sigma_mm * normal(random), name + "_l", name + "_r"});
   }

@@ -1,0 +1,213 @@
+// The steps of a job: what each one needs, reads and does.
+
+#include "app/job_steps.h"
+
+#include <algorithm>
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include "app/steps_calibrate.h"
+#include "app/steps_commission.h"
+
+namespace crosstie::app {
+namespace {
+
+namespace fs = std::filesystem;
+using base::ErrorCode;
+using base::Result;
+using Files = std::vector<fs::path>;
+using Names = std::vector<std::string_view>;
+
+Result<> nothing_to_check(const Job& /*job*/) { return {}; }
+
+/// Photographs of a task, where the job has one.
+template <typename Task>
+Result<Files> photographs(const Result<Task>& task) {
+  if (!task) return tl::unexpected(task.error());
+  Files files;
+  for (const ImageFile& image : task->images) files.push_back(image.path);
+  return files;
+}
+
+void add(const Job& job, const std::optional<fs::path>& path, Files& files) {
+  if (path) files.push_back(job.resolve(*path));
+}
+
+/// Whether the job calibrates any of the cameras that photograph the network.
+bool network_is_calibrated_here(const Job& job) {
+  const std::vector<std::string> calibrated = job.board_cameras();
+  return job.network && std::any_of(job.network->images.begin(), job.network->images.end(), [&](const auto& images) {
+           return std::find(calibrated.begin(), calibrated.end(), images.first) != calibrated.end();
+         });
+}
+
+JobStep calibrate() {
+  return {"calibrate",
+          "calibrate",
+          [](const Job& job) { return job.board.has_value(); },
+          [](const Job& /*job*/) { return Names{}; },
+          nothing_to_check,
+          [](const Job& job) { return photographs(calibration_task(job)); },
+          [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
+            const auto task = calibration_task(at.job);
+            if (!task) return tl::unexpected(task.error());
+            return calibrate_step(*task, out, at.session);
+          }};
+}
+
+JobStep detect() {
+  return {"detect",
+          "detect",
+          [](const Job& job) { return job.network.has_value(); },
+          [](const Job& /*job*/) { return Names{}; },
+          nothing_to_check,
+          [](const Job& job) { return photographs(detection_task(job)); },
+          [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
+            const auto task = detection_task(at.job);
+            if (!task) return tl::unexpected(task.error());
+            return detect_step(*task, out, false, at.session);
+          }};
+}
+
+JobStep adjust() {
+  return {"adjust",
+          "adjust",
+          [](const Job& job) { return job.network.has_value(); },
+          [](const Job& job) {
+            return network_is_calibrated_here(job) ? Names{"calibrate", "detect"} : Names{"detect"};
+          },
+          check_scale,
+          [](const Job& job) -> Result<Files> {
+            Files files;
+            add(job, job.network->scale_bars, files);
+            add(job, job.network->control, files);
+            add(job, job.network->datum, files);
+            if (job.network->scale_from) add(job, job.reference_points, files);
+            return files;
+          },
+          [](const StepRun& at, const fs::path& out) { return adjust_step(at.job, at.results / "detect", out, at.session); }};
+}
+
+/// The markers of the cross in the photographs of the stations.
+JobStep stations() {
+  return {"stations",
+          "detect-stations",
+          [](const Job& job) { return job.cross.has_value(); },
+          [](const Job& /*job*/) { return Names{}; },
+          check_commission,
+          [](const Job& job) { return photographs(station_detection_task(job)); },
+          [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
+            const auto task = station_detection_task(at.job);
+            if (!task) return tl::unexpected(task.error());
+            return detect_step(*task, out, false, at.session);
+          }};
+}
+
+JobStep commission() {
+  return {"commission",
+          "commission",
+          [](const Job& job) { return job.cross.has_value(); },
+          [](const Job& job) {
+            Names names;
+            if (is_calibrated_here(job)) names.emplace_back("calibrate");
+            if (!job.cross->points) names.emplace_back("adjust");
+            names.emplace_back("stations");
+            return names;
+          },
+          check_commission,
+          [](const Job& job) -> Result<Files> {
+            Files files;
+            add(job, job.cross->points, files);
+            add(job, job.cross->spheres, files);
+            add(job, job.machine->probed_spheres, files);
+            add(job, job.machine->probe_hits, files);
+            return files;
+          },
+          [](const StepRun& at, const fs::path& out) {
+            const CommissionSources sources{at.results / "calibrate", at.results / "adjust", at.results / "detect-stations"};
+            return commission_step(at.job, sources, out, at.session);
+          }};
+}
+
+JobStep verify() {
+  return {"verify",
+          "verify",
+          [](const Job& job) { return job.network && job.reference_points; },
+          [](const Job& /*job*/) { return Names{"adjust"}; },
+          nothing_to_check,
+          [](const Job& job) -> Result<Files> { return Files{job.resolve(*job.reference_points)}; },
+          [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
+            const auto task = verification_task(at.job, at.results / "adjust");
+            if (!task) return tl::unexpected(task.error());
+            return verify_step(*task, out, at.session);
+          }};
+}
+
+}  // namespace
+
+const std::vector<JobStep>& job_steps() {
+  static const std::vector<JobStep> table = {
+      calibrate(),   // images of the board     -> lenses, rig
+      detect(),      // photographs of the net  -> image points
+      adjust(),      // image points            -> coordinates
+      stations(),    // photographs of the cross by the head -> image points
+      commission(),  // lenses, rig, cross, spheres, image points -> the head in the machine's frame
+      verify(),      // coordinates, reference  -> deviations
+  };
+  return table;
+}
+
+std::vector<const JobStep*> steps_of(const Job& job) {
+  std::vector<const JobStep*> steps;
+  for (const JobStep& step : job_steps()) {
+    if (step.wanted(job)) steps.push_back(&step);
+  }
+  return steps;
+}
+
+Result<std::vector<const JobStep*>> steps_until(const Job& job, std::string_view name) {
+  const std::vector<const JobStep*> asked = steps_of(job);
+  const auto last = std::find_if(asked.begin(), asked.end(), [&](const JobStep* step) { return step->name == name; });
+  if (last == asked.end()) {
+    Names names;
+    for (const JobStep* step : asked) names.push_back(step->name);
+    const bool known =
+        std::any_of(job_steps().begin(), job_steps().end(), [&](const JobStep& step) { return step.name == name; });
+    return base::fail(known ? ErrorCode::kBadInput : ErrorCode::kUsage,
+                      fmt::format("{}: '{}' is no step of this job; it has {}", job.file.string(), name,
+                                  names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+  }
+  // Backwards, since what a step needs stands before it.
+  Names needed{name};
+  std::vector<const JobStep*> steps;
+  for (auto step = std::make_reverse_iterator(last + 1); step != asked.rend(); ++step) {
+    if (std::find(needed.begin(), needed.end(), (*step)->name) == needed.end()) continue;
+    steps.insert(steps.begin(), *step);
+    const Names more = (*step)->needs(job);
+    needed.insert(needed.end(), more.begin(), more.end());
+  }
+  return steps;
+}
+
+Result<> do_steps(const std::vector<const JobStep*>& steps, const StepRun& run, const TellStep& tell) {
+  for (const JobStep* step : steps) {
+    if (auto complete = step->check(run.job); !complete) return complete;
+  }
+  for (const JobStep* step : steps) {
+    const auto done = step->run(run, run.results / step->folder);
+    if (!done) return tl::unexpected(done.error());
+    tell(*step, *done);
+  }
+  return {};
+}
+
+Result<> prepare(std::string_view name, const StepRun& run, const TellStep& tell) {
+  auto steps = steps_until(run.job, name);
+  if (!steps) return tl::unexpected(steps.error());
+  if (auto complete = steps->back()->check(run.job); !complete) return complete;
+  steps->pop_back();
+  return do_steps(*steps, run, tell);
+}
+
+}  // namespace crosstie::app
