@@ -8,6 +8,7 @@
 #include <optional>
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
 
 #include "base/detail/ply_header.h"
 #include "base/file.h"
@@ -111,6 +112,48 @@ bool skip(ValueReader& values, const PlyElement& element) {
   return true;
 }
 
+/// The error is the reason.
+tl::expected<void, std::string> read_faces(ValueReader& values, const PlyElement& face, Mesh& mesh) {
+  const auto is_corners = [](const PlyProperty& p) {
+    return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index");
+  };
+  if (std::count_if(face.properties.begin(), face.properties.end(), is_corners) != 1) {
+    return tl::unexpected<std::string>("its faces have no list vertex_indices");
+  }
+  const auto vertex_count = static_cast<double>(mesh.vertices.points.size());
+  for (std::uint64_t i = 0; i < face.count; ++i) {
+    for (const PlyProperty& property : face.properties) {
+      if (!is_corners(property)) {
+        if (!read_property(values, property))
+          return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off", i));
+        continue;
+      }
+      const auto count = values.next(property.count_type);
+      if (!count || *count < 3.0 || *count != std::floor(*count)) {
+        return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off, or it has less than three corners", i));
+      }
+      std::array<std::uint32_t, 3> corners{};
+      for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(*count); ++k) {
+        const auto index = values.next(property.type);
+        if (!index || *index < 0.0 || *index != std::floor(*index) || *index >= vertex_count) {
+          return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off, or a corner is no vertex", i));
+        }
+        if (k < 2) {
+          corners[static_cast<std::size_t>(k)] = static_cast<std::uint32_t>(*index);
+          continue;
+        }
+        if (k > 2) corners[1] = corners[2];
+        corners[2] = static_cast<std::uint32_t>(*index);
+        const auto& p = mesh.vertices.points;
+        const Eigen::Vector3d ab = p[corners[1]] - p[corners[0]];
+        const Eigen::Vector3d ac = p[corners[2]] - p[corners[0]];
+        if (ab.cross(ac).squaredNorm() > 0.0) mesh.triangles.push_back(corners);
+      }
+    }
+  }
+  return {};
+}
+
 /// Where a property of a vertex goes: to one of kNames, or to a field.
 struct Target {
   std::optional<std::size_t> name;
@@ -180,10 +223,11 @@ tl::expected<void, std::string> read_vertices(ValueReader& values, const PlyElem
 }
 
 /// The error is the reason.
-tl::expected<Cloud, std::string> read_cloud(std::string_view bytes) {
+tl::expected<Mesh, std::string> read_mesh(std::string_view bytes, bool with_faces) {
   const auto header = detail::parse_ply_header(bytes);
   if (!header) return tl::unexpected<std::string>(header.error());
-  Cloud cloud;
+  Mesh mesh;
+  Cloud& cloud = mesh.vertices;
   for (const std::string& comment : header->comments) {
     if (comment.starts_with("frame ")) cloud.frame = trim(comment.substr(6));
     if (comment.starts_with("unit ") && trim(comment.substr(5)) != "mm") {
@@ -197,13 +241,24 @@ tl::expected<Cloud, std::string> read_cloud(std::string_view bytes) {
       if (has_vertices) return tl::unexpected<std::string>("it has two elements vertex");
       has_vertices = true;
       if (auto read = read_vertices(values, element, cloud); !read) return tl::unexpected<std::string>(std::move(read).error());
+    } else if (with_faces && element.name == "face") {
+      if (!has_vertices) return tl::unexpected<std::string>("its faces stand before its vertices");
+      if (auto read = read_faces(values, element, mesh); !read) return tl::unexpected<std::string>(std::move(read).error());
     } else if (!skip(values, element)) {
       return tl::unexpected<std::string>(fmt::format("the file is cut off in {}", element.name));
     }
   }
   if (!has_vertices) return tl::unexpected<std::string>("it has no element vertex");
   if (!values.at_end()) return tl::unexpected<std::string>("it holds more data than its header describes");
-  return cloud;
+  return mesh;
+}
+
+Result<Mesh> read_mesh_file(const std::filesystem::path& path, bool with_faces) {
+  auto bytes = read_file(path, kMaxPlyBytes);
+  if (!bytes) return fail(std::move(bytes));
+  auto mesh = read_mesh(*bytes, with_faces);
+  if (!mesh) return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), mesh.error()));
+  return *std::move(mesh);
 }
 
 void append(std::string& bytes, double value, bool as_double) {
@@ -257,11 +312,11 @@ Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const 
 }
 
 Result<Cloud> read_ply(const std::filesystem::path& path) {
-  auto bytes = read_file(path, kMaxPlyBytes);
-  if (!bytes) return fail(std::move(bytes));
-  auto cloud = read_cloud(*bytes);
-  if (!cloud) return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), cloud.error()));
-  return *std::move(cloud);
+  auto mesh = read_mesh_file(path, false);
+  if (!mesh) return fail(std::move(mesh));
+  return std::move(mesh->vertices);
 }
+
+Result<Mesh> read_ply_mesh(const std::filesystem::path& path) { return read_mesh_file(path, true); }
 
 }  // namespace crosstie::base

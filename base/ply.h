@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "base/cloud.h"
+#include "base/mesh.h"
 #include "base/result.h"
 
 namespace crosstie::base {
@@ -18,5 +19,10 @@ Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const 
 /// Reads ASCII and binary PLY of either endianness. The header's counts are checked against the file's size before anything is
 /// allocated; values that are not finite are Errors. Elements other than `vertex` are skipped.
 Result<Cloud> read_ply(const std::filesystem::path& path);
+
+/// The same with its element `face` (a list `vertex_indices` or `vertex_index` for each), polygons cut into triangles from their first
+/// corner; a file without faces is a mesh without triangles. Indices out of range and faces of less than three corners are Errors;
+/// triangles of no area are left out.
+Result<Mesh> read_ply_mesh(const std::filesystem::path& path);
 
 }  // namespace crosstie::base

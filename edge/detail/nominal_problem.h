@@ -1,0 +1,51 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/edge_curve.h"
+#include "base/pose.h"
+#include "edge/detail/curve.h"
+
+namespace crosstie::edge::detail {
+
+/// The state of a fit: where the hole lies, its sizes, and the causes that the points share, in their sigmas.
+struct NominalState {
+  base::Pose frame_from_hole;
+  std::vector<double> size_mm;
+  Eigen::VectorXd shared;
+};
+
+/// Least squares of a nominal hole's place and sizes. Unknowns: turn about x, y, z and shift along x, y, z of the hole (the pose
+/// perturbed on the right), sizes, shared causes.
+class NominalProblem {
+ public:
+  NominalProblem(const base::EdgeCurve& edge, const Nominal& nominal, bool fit_size, bool hold_turn);
+
+  struct Normals {
+    Eigen::MatrixXd matrix;  ///< over the free unknowns, shared causes last
+    Eigen::VectorXd right;
+    double square_sum = 0.0;
+    long rows = 0;
+  };
+  /// Nothing where the sizes make no curve. `with_matrix` false: the sum of squares alone.
+  [[nodiscard]] std::optional<Normals> normals(const NominalState& state, bool with_matrix) const;
+  [[nodiscard]] NominalState changed(const NominalState& state, const Eigen::VectorXd& step) const;
+
+  /// Levenberg-Marquardt; false where it does not come to rest. `state` and `normals` are those of its end.
+  bool solve(NominalState& state, Normals& normals, int& iterations) const;
+
+  [[nodiscard]] int free_count() const { return static_cast<int>(free_.size()); }  ///< without shared causes
+  [[nodiscard]] const std::vector<int>& free() const { return free_; }             ///< 0-5 pose, 6 on sizes
+  [[nodiscard]] std::string name_of_unknown(int unknown) const;
+
+ private:
+  const base::EdgeCurve& edge_;
+  Nominal nominal_;
+  std::vector<int> free_;
+  Eigen::Index shared_count_ = 0;
+};
+
+}  // namespace crosstie::edge::detail

@@ -1,0 +1,128 @@
+#include "edge/detail/rim_filter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+
+namespace crosstie::edge::detail {
+namespace {
+
+// Of local parabolas: (1 + y) exp(-y) = 1/2 with y = pi gamma^2, ISO 16610-31.
+constexpr double kGamma = 0.73090;
+constexpr double kReach = 1.6;  // of the weights, in cutoffs: beyond they are below 3e-7
+constexpr double kPointsPerCutoff = 4.0;
+constexpr double kUsualDistances = 4.0;  // points farther apart leave a gap
+
+}  // namespace
+
+RimFilter::RimFilter(const base::EdgeCurve& edge, const EdgeDeviations& off, double length_mm, bool closed, double cutoff_mm)
+    : edge_(edge), off_(off), length_mm_(length_mm), closed_(closed), cutoff_mm_(cutoff_mm) {
+  order_.resize(off.s_mm.size());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
+  std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) { return off.s_mm[a] < off.s_mm[b]; });
+  for (const std::size_t i : order_) s_mm_.push_back(off.s_mm[i]);
+  std::vector<double> spacings;
+  for (std::size_t i = 1; i < s_mm_.size(); ++i) spacings.push_back(s_mm_[i] - s_mm_[i - 1]);
+  if (!spacings.empty()) {
+    const auto middle = spacings.begin() + static_cast<std::ptrdiff_t>(spacings.size() / 2);
+    std::nth_element(spacings.begin(), middle, spacings.end());
+    spacing_mm_ = *middle;
+  }
+  cutoff_mm_ = std::max(cutoff_mm_, kPointsPerCutoff * spacing_mm_);
+}
+
+double RimFilter::way(double from_mm, double to_mm) const {
+  const double d = to_mm - from_mm;
+  return closed_ ? d - length_mm_ * std::round(d / length_mm_) : d;
+}
+
+Smoothed RimFilter::at(double s_mm) const {
+  const double reach = std::min(kReach * cutoff_mm_, closed_ ? 0.45 * length_mm_ : length_mm_);
+  std::vector<std::size_t> near;  // into off
+  const auto collect = [&](double low, double high) {
+    const auto begin = std::lower_bound(s_mm_.begin(), s_mm_.end(), low);
+    const auto end = std::upper_bound(begin, s_mm_.end(), high);
+    for (auto it = begin; it != end; ++it) near.push_back(order_[static_cast<std::size_t>(it - s_mm_.begin())]);
+  };
+  collect(s_mm - reach, s_mm + reach);
+  if (closed_ && s_mm - reach < 0.0) collect(s_mm - reach + length_mm_, length_mm_);
+  if (closed_ && s_mm + reach > length_mm_) collect(0.0, s_mm + reach - length_mm_);
+
+  Smoothed result;
+  const auto n = static_cast<Eigen::Index>(near.size());
+  Eigen::VectorXd x(n);
+  Eigen::VectorXd kernel(n);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    x(j) = way(s_mm, off_.s_mm[near[static_cast<std::size_t>(j)]]) / cutoff_mm_;
+    kernel(j) = std::exp(-std::numbers::pi * x(j) * x(j) / (kGamma * kGamma));
+    result.normal += kernel(j) * edge_.points[off_.points[near[static_cast<std::size_t>(j)]]].normal;
+  }
+  if (result.normal.norm() > 0.0) result.normal.normalize();
+  constexpr Eigen::Index kParabola = 3;
+  const Eigen::Index unknowns = std::min(kParabola, n);
+  for (int row = 0; row < 2; ++row) {
+    Eigen::MatrixXd design(n, unknowns);
+    Eigen::VectorXd weight(n);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const std::size_t i = near[static_cast<std::size_t>(j)];
+      weight(j) = kernel(j) / off_.cov_mm2[i](row, row);
+      for (Eigen::Index k = 0; k < unknowns; ++k) design(j, k) = std::pow(x(j), static_cast<double>(k));
+    }
+    const Eigen::MatrixXd weighted = weight.asDiagonal() * design;
+    const Eigen::MatrixXd hat = (design.transpose() * weighted).ldlt().solve(weighted.transpose());
+    Eigen::RowVectorXd shared = Eigen::RowVectorXd::Zero(off_.shared_mm.cols());
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const std::size_t i = near[static_cast<std::size_t>(j)];
+      const double d = off_.uv_mm(row, static_cast<Eigen::Index>(i));
+      result.uv_mm(row) += hat(0, j) * d;
+      if (unknowns > 1) result.slope(row) += hat(1, j) * d / cutoff_mm_;
+      result.variance_mm2(row) += hat(0, j) * hat(0, j) * off_.cov_mm2[i](row, row);
+      if (shared.size() > 0) shared += hat(0, j) * off_.shared_mm.row(static_cast<Eigen::Index>(2 * i) + row);
+    }
+    result.variance_mm2(row) += shared.squaredNorm();
+  }
+  return result;
+}
+
+std::vector<Unmeasured> RimFilter::gaps() const {
+  const double limit = std::max(cutoff_mm_, kUsualDistances * spacing_mm_);
+  std::vector<Unmeasured> gaps;
+  const auto named = [&](double from, double to) {
+    // A gap that the rim names begins at one of its points.
+    for (const base::EdgeGap& gap : edge_.gaps) {
+      for (std::size_t i = 0; i < off_.points.size(); ++i) {
+        if (std::abs(edge_.points[off_.points[i]].s_mm - gap.from_mm) > 1e-6 + 0.01 * spacing_mm_) continue;
+        const double s = off_.s_mm[i];  // the rim may run the other way
+        if (std::abs(way(s, from)) < 1e-9 || std::abs(way(s, to)) < 1e-9) {
+          if (std::abs((to - from) - gap.length_mm) < 0.5 * gap.length_mm + spacing_mm_) return gap.reason;
+        }
+      }
+    }
+    return std::string();
+  };
+  const auto check = [&](double from, double to) {
+    std::string reason = named(from, to);
+    if (reason.empty() && to - from <= limit) return;
+    if (reason.empty()) reason = "no point of the rim was measured";
+    gaps.push_back({from, to, std::move(reason)});
+  };
+  for (std::size_t i = 1; i < s_mm_.size(); ++i) check(s_mm_[i - 1], s_mm_[i]);
+  if (closed_) {
+    check(s_mm_.back(), s_mm_.front() + length_mm_);
+  } else {
+    if (s_mm_.front() > limit) gaps.push_back({0.0, s_mm_.front(), "the rim was not measured from the nominal's beginning on"});
+    if (length_mm_ - s_mm_.back() > limit)
+      gaps.push_back({s_mm_.back(), length_mm_, "the rim was not measured to the nominal's end"});
+  }
+  return gaps;
+}
+
+Eigen::Vector2d RimFilter::mean_square_mm2() const {
+  return off_.uv_mm.rowwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, off_.uv_mm.cols()));
+}
+
+}  // namespace crosstie::edge::detail

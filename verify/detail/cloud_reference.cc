@@ -1,0 +1,63 @@
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Eigenvalues>
+
+#include "verify/detail/box_tree.h"
+#include "verify/detail/surface_reference.h"
+
+namespace crosstie::verify::detail {
+namespace {
+
+constexpr std::size_t kNeighbours = 12;
+constexpr std::size_t kLeast = 4;
+/// At a border the neighbours lie on one side: their mean is off the foot by more than this share of their spread (0.64 for a half
+/// disc's mean over its radius, near 0.2 for twelve points all round).
+constexpr double kOneSided = 0.45;
+
+class CloudReference final : public SurfaceReference {
+ public:
+  explicit CloudReference(const base::Cloud& cloud) : cloud_(cloud), tree_(boxes(cloud)) {}
+
+  std::optional<SurfaceFoot> foot(const Eigen::Vector3d& p, const Eigen::Vector3d& side, double gate_mm) const override {
+    const auto& points = cloud_.points;
+    const auto hits = tree_.nearest(p, kNeighbours, HUGE_VAL, [&](std::size_t i) { return (points[i] - p).squaredNorm(); });
+    if (hits.size() < kLeast) return std::nullopt;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    Eigen::Vector3d known = Eigen::Vector3d::Zero();
+    for (const auto& hit : hits) {
+      mean += points[hit.index] / static_cast<double>(hits.size());
+      if (!cloud_.normals.empty()) known += cloud_.normals[hit.index];
+    }
+    Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+    for (const auto& hit : hits) scatter += (points[hit.index] - mean) * (points[hit.index] - mean).transpose();
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter);
+    SurfaceFoot foot;
+    foot.normal = eigen.eigenvectors().col(0);
+    const Eigen::Vector3d outside = !known.isZero(0.0) ? known : !side.isZero(0.0) ? side : p;
+    if (foot.normal.dot(outside) < 0.0) foot.normal = -foot.normal;
+    foot.signed_mm = foot.normal.dot(p - mean);
+    foot.point = p - foot.signed_mm * foot.normal;
+    if (std::abs(foot.signed_mm) > gate_mm) return std::nullopt;
+    const double spread = std::sqrt((eigen.eigenvalues()(1) + eigen.eigenvalues()(2)) / static_cast<double>(hits.size()));
+    const double sideways = (foot.point - mean).norm();
+    if (sideways > gate_mm + 2.0 * spread) return std::nullopt;
+    foot.on_border = sideways > kOneSided * spread * std::sqrt(2.0);
+    return foot;
+  }
+
+ private:
+  static std::vector<Box> boxes(const base::Cloud& cloud) {
+    std::vector<Box> all(cloud.points.size());
+    for (std::size_t i = 0; i < all.size(); ++i) all[i].add(cloud.points[i]);
+    return all;
+  }
+  const base::Cloud& cloud_;
+  BoxTree tree_;
+};
+
+}  // namespace
+
+std::unique_ptr<SurfaceReference> cloud_reference(const base::Cloud& cloud) { return std::make_unique<CloudReference>(cloud); }
+
+}  // namespace crosstie::verify::detail

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <optional>
+
+#include "base/cloud.h"
+#include "base/edge_curve.h"
+#include "base/mesh.h"
+#include "base/progress.h"
+#include "base/result.h"
+#include "base/surface_verification.h"
+#include "math/shapes.h"
+
+namespace crosstie::verify {
+
+struct SurfaceOptions {
+  double tolerance_mm = 0.3;  ///< whose share is told
+  /// Points farther from the reference than this are no points of it and take no part; 0.3 % of 1.5 m, as far as a scan and a shell
+  /// that were brought together by markers may ever be apart.
+  double gate_mm = 5.0;
+  base::Pose reference_from_measured = {};  ///< brings the cloud to the reference
+  /// True: the cloud is first laid onto the reference by point-to-plane least squares (an ICP). Directions that the surface does not
+  /// determine (a cylinder slides and turns) are held and told.
+  bool best_fit = false;
+  std::size_t max_points = 200000;  ///< of a larger cloud every so many points are compared
+
+  [[nodiscard]] base::Result<> validate() const;
+};
+
+/// Points against a mesh (distance from the nearest place of its triangles) or, without triangles, a cloud (from the plane through the
+/// nearest twelve points). Signs: triangles are counter-clockwise as seen from outside; a reference cloud's normals, else the measured
+/// points' normals, else away from the origin of the reference. Points whose nearest place is on the reference's border, where it
+/// says nothing, are left out and counted.
+///
+/// Errors: kUsage for options out of their domain; kBadInput for clouds without points, or where nothing is within the gate.
+base::Result<base::SurfaceDeviations> compare_surface(const base::Cloud& measured, const base::Mesh& reference,
+                                                      const SurfaceOptions& options, const base::Progress& progress = {});
+
+/// Points against a nominal cylinder or cone; signs: positive outside.
+base::Result<base::SurfaceDeviations> compare_surface(const base::Cloud& measured, const math::Cylinder& reference,
+                                                      const SurfaceOptions& options);
+base::Result<base::SurfaceDeviations> compare_surface(const base::Cloud& measured, const math::Cone& reference,
+                                                      const SurfaceOptions& options);
+
+/// What a shell should be; the reference's frame.
+struct NominalShell {
+  Eigen::Vector3d axis_point_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d axis_direction = Eigen::Vector3d::UnitZ();  ///< to where a cone widens
+  double radius_mm = 0.0;                                     ///< at axis_point_mm, across the axis
+  double half_angle_rad = 0.0;                                ///< 0: a cylinder
+};
+
+struct ShellFitOptions {
+  bool cone = true;       ///< false: a cylinder
+  double sigma_mm = 0.0;  ///< of a point along the normal, where the cloud carries no covariance; 0: from the residuals
+  std::size_t max_points = 20000;  ///< a fit of more says no more: neighbouring points are not independent
+  /// Points within one patch of so many millimetres count as one observation of the surface's form: sigmas are those of the number of
+  /// patches and of the larger of noise and form. 0: points are independent.
+  double correlation_mm = 50.0;
+};
+
+/// A cone or cylinder through a shell's points (robust, math/shape_fit.h), its diameters at both ends and its apex angle with sigmas, held
+/// against the nominal where one is given.
+base::Result<base::ShapeDeviations> fit_shell(const base::Cloud& measured, const std::optional<NominalShell>& nominal,
+                                              const ShellFitOptions& options = {});
+
+/// A rim against a reference rim (a point list or another measurement, both in one frame): distances of its points from the reference's
+/// polygon, u in the surface and v along its normal, with their sigmas over which they are told.
+base::Result<base::EdgeVerification> compare_edge(const base::EdgeCurve& measured, const base::EdgeCurve& reference,
+                                                  double gate_mm = 5.0);
+
+}  // namespace crosstie::verify
