@@ -26,29 +26,8 @@ tl::unexpected<base::Error> bad_job(const Job& job, const std::string& message) 
   return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", job.file.string(), message));
 }
 
-/// The folder that holds the calibration of both cameras: the job's own, or the one that both of their models name.
-Result<fs::path> calibration_folder(const Job& job, const CommissionSources& sources) {
-  if (is_calibrated_here(job)) return sources.calibration;
-  const auto [left, right] = head_cameras(job);
-  const auto model_of = [&](const std::string& name) -> std::optional<fs::path> {
-    const auto found = job.cameras.find(name);
-    if (found == job.cameras.end() || !found->second.model) return std::nullopt;
-    const fs::path path = job.resolve(*found->second.model);
-    return path.filename() == "result.json" ? path.parent_path() : path;
-  };
-  const auto folder = model_of(left);
-  std::error_code ignored;
-  if (!folder || folder != model_of(right) || !fs::is_directory(*folder, ignored)) {
-    return bad_job(job,
-                   fmt::format("commission needs the calibration of the head with the covariance of its rig: board_images in "
-                               "[camera.{}] and [camera.{}], or in both as model the same result folder of calibrate",
-                               left, right));
-  }
-  return *folder;
-}
-
 Result<base::Head> calibrated_head(const Job& job, const CommissionSources& sources) {
-  const auto folder = calibration_folder(job, sources);
+  const auto folder = calibration_folder(job, sources.calibration);
   if (!folder) return tl::unexpected(folder.error());
   const auto calibration = base::read_calibration(*folder);
   if (!calibration) return tl::unexpected(calibration.error());
@@ -129,6 +108,25 @@ bool is_calibrated_here(const Job& job) {
          std::find(calibrated.begin(), calibrated.end(), right) != calibrated.end();
 }
 
+Result<fs::path> calibration_folder(const Job& job, const fs::path& own) {
+  if (is_calibrated_here(job)) return own;
+  const auto [left, right] = head_cameras(job);
+  const auto model_of = [&](const std::string& name) -> std::optional<fs::path> {
+    const auto found = job.cameras.find(name);
+    if (found == job.cameras.end() || !found->second.model) return std::nullopt;
+    const fs::path path = job.resolve(*found->second.model);
+    return path.filename() == "result.json" ? path.parent_path() : path;
+  };
+  const auto folder = model_of(left);
+  std::error_code ignored;
+  if (!folder || folder != model_of(right) || !fs::is_directory(*folder, ignored)) {
+    return bad_job(job, fmt::format("the calibration of the head is needed with the covariance of its rig: board_images in "
+                                    "[camera.{}] and [camera.{}], or in both as model the same result folder of calibrate",
+                                    left, right));
+  }
+  return *folder;
+}
+
 Result<> check_commission(const Job& job) {
   if (!job.cross || !job.cross->spheres) {
     return bad_job(job, "commission needs [cross] with points and spheres: its markers and the balls that the machine probes");
@@ -194,7 +192,7 @@ Result<std::vector<base::ResultInput>> commission_inputs(const Job& job, const C
       {sources.detection / "observations.csv", "results/detect-stations/observations.csv"},
       {job.resolve(*job.cross->spheres), ""},
       {job.resolve(job.machine->probed_spheres ? *job.machine->probed_spheres : *job.machine->probe_hits), ""}};
-  const auto calibration = calibration_folder(job, sources);
+  const auto calibration = calibration_folder(job, sources.calibration);
   if (!calibration) return tl::unexpected(calibration.error());
   for (const char* name : {"result.json", "covariance.npy", "covariance.json"}) {
     files.push_back({*calibration / name, is_calibrated_here(job) ? fmt::format("results/calibrate/{}", name) : ""});

@@ -23,6 +23,10 @@ struct CommissionSources {
 /// Whether the head comes from the job's own calibrate.
 [[nodiscard]] bool is_calibrated_here(const Job& job);
 
+/// The folder that holds the calibration of both of the head's cameras: `own`, where the job calibrates them, or the one that both of
+/// their models name. kBadInput where there is neither.
+base::Result<std::filesystem::path> calibration_folder(const Job& job, const std::filesystem::path& own);
+
 /// kBadInput where the job does not say all that a commissioning needs: [cross] with spheres, [machine] with their probing, [[station]]
 /// with photographs by the head's cameras. To be asked before the photographs are looked at.
 base::Result<> check_commission(const Job& job);

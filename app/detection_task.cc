@@ -20,10 +20,11 @@ tl::unexpected<base::Error> bad_job(const Job& job, const std::string& message) 
 
 /// Family, ids and white levels of the job for these images, which have their names.
 Result<DetectionTask> task_of(const Job& job, std::vector<ImageFile> images) {
-  auto family = markers::marker_family(job.family);
-  if (!family) return bad_job(job, family.error().message);
+  auto choice = marker_choice(job);
+  if (!choice) return tl::unexpected(choice.error());
   DetectionTask task;
-  task.family = std::move(*family);
+  task.family = std::move(choice->family);
+  task.options = std::move(choice->options);
   task.base_folder = job.folder;
   task.title = job.name;
   task.images = std::move(images);
@@ -31,15 +32,6 @@ Result<DetectionTask> task_of(const Job& job, std::vector<ImageFile> images) {
     const auto settings = job.cameras.find(file.camera);
     if (settings != job.cameras.end() && settings->second.white_level)
       task.white_levels[file.camera] = *settings->second.white_level;
-  }
-  if (!job.ids.ranges.empty() || !job.exclude_ids.ranges.empty()) {
-    for (const auto& code : task.family.codes) {
-      if ((job.ids.ranges.empty() || job.ids.contains(code.id)) && !job.exclude_ids.contains(code.id))
-        task.options.ids.push_back(code.id);
-    }
-    if (task.options.ids.empty()) {
-      return bad_job(job, fmt::format("[markers] ids and exclude_ids leave no id of {} in use", job.family));
-    }
   }
   return task;
 }
@@ -53,6 +45,32 @@ Result<std::vector<fs::path>> photographs_of(const Job& job, const fs::path& pho
 }
 
 }  // namespace
+
+Result<std::vector<int>> ids_in_use(const std::vector<std::string>& texts, const markers::MarkerFamily& family) {
+  const auto ranges = parse_id_ranges(texts);
+  if (!ranges) return base::fail(ErrorCode::kUsage, "--ids: " + ranges.error().message);
+  std::vector<int> ids;
+  for (const auto& code : family.codes) {
+    if (ranges->contains(code.id)) ids.push_back(code.id);
+  }
+  if (ids.empty()) return base::fail(ErrorCode::kUsage, fmt::format("--ids holds no id of {}", family.name));
+  return ids;
+}
+
+Result<MarkerChoice> marker_choice(const Job& job) {
+  auto family = markers::marker_family(job.family);
+  if (!family) return bad_job(job, family.error().message);
+  MarkerChoice choice{std::move(*family), {}};
+  if (job.ids.ranges.empty() && job.exclude_ids.ranges.empty()) return choice;
+  for (const auto& code : choice.family.codes) {
+    if ((job.ids.ranges.empty() || job.ids.contains(code.id)) && !job.exclude_ids.contains(code.id))
+      choice.options.ids.push_back(code.id);
+  }
+  if (choice.options.ids.empty()) {
+    return bad_job(job, fmt::format("[markers] ids and exclude_ids leave no id of {} in use", job.family));
+  }
+  return choice;
+}
 
 Result<DetectionTask> detection_task(const Job& job) {
   if (!job.network) return bad_job(job, "the job has no [network] images to detect markers in");

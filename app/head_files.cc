@@ -3,9 +3,12 @@
 #include <algorithm>
 
 #include <fmt/core.h>
+#include <nlohmann/json.hpp>
 
 #include "base/calibration_reader.h"
+#include "base/commissioning_reader.h"
 #include "base/file.h"
+#include "base/json_file.h"
 #include "base/opencv_stereo.h"
 
 namespace crosstie::app {
@@ -15,12 +18,19 @@ namespace fs = std::filesystem;
 using base::ErrorCode;
 using base::Result;
 
-Result<HeadFiles> from_calibration(const fs::path& folder) {
+Result<base::Head> head_in(const fs::path& folder) {
+  const auto json = base::read_json(folder / "result.json");
+  if (!json) return tl::unexpected(json.error());
+  if (json->is_object() && json->value("verb", "") == "commission") {
+    auto commissioning = base::read_commissioning(folder);
+    if (!commissioning) return tl::unexpected(commissioning.error());
+    return std::move(commissioning->head);
+  }
   const auto calibration = base::read_calibration(folder);
   if (!calibration) return tl::unexpected(calibration.error());
   auto head = head_of(*calibration);
   if (!head) return base::fail(ErrorCode::kBadInput, fmt::format("{}: {}", base::shown(folder), head.error().message));
-  return HeadFiles{*std::move(head), {folder / "result.json"}};
+  return head;
 }
 
 }  // namespace
@@ -49,7 +59,12 @@ Result<base::Head> head_of(const base::Calibration& calibration) {
 
 Result<HeadFiles> read_head(const std::string& text, int width_px, int height_px) {
   const std::size_t comma = text.find(',');
-  if (comma == std::string::npos) return from_calibration(text);
+  if (comma == std::string::npos) {
+    const fs::path folder = text;
+    auto head = head_in(folder);
+    if (!head) return tl::unexpected(head.error());
+    return HeadFiles{*std::move(head), {folder / "result.json", folder / "covariance.npy", folder / "covariance.json"}};
+  }
   const fs::path intrinsic = text.substr(0, comma);
   const fs::path extrinsic = text.substr(comma + 1);
   auto head = base::read_opencv_stereo(intrinsic, extrinsic, width_px, height_px);

@@ -20,7 +20,7 @@ struct HeadFiles {
   std::vector<std::filesystem::path> files;
 };
 
-/// `text` names the folder of a result of `calibrate` with a rig, or two files of OpenCV, "intrinsic.yml,extrinsic.yml" (M1 D1 M2 D2;
+/// `text` names the folder of a result of `calibrate` with a rig or of `commission` (the head as adjusted there), or two files of OpenCV, "intrinsic.yml,extrinsic.yml" (M1 D1 M2 D2;
 /// R T), whose covariance is unknown and whose images have `width_px` x `height_px`. Errors: kFileSystem, kBadInput.
 base::Result<HeadFiles> read_head(const std::string& text, int width_px, int height_px);
 

@@ -39,6 +39,7 @@ void read_markers(const JobTable& root, Job& job) {
   table->check_keys("markers", {"family", "dot_diameter_mm", "thickness_mm", "ids", "exclude_ids"});
   table->text("family", job.family);
   table->number("dot_diameter_mm", job.dot_diameter_mm);
+  table->number("thickness_mm", job.marker_thickness_mm, Domain::kNotNegative);
   read_ids(*table, "ids", job.ids);
   read_ids(*table, "exclude_ids", job.exclude_ids);
 }

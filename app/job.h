@@ -80,11 +80,19 @@ struct JobMachine {
   base::Certificate certificate;  ///< of the spheres
 };
 
+/// The fringe images of a station.
+struct JobScan {
+  std::filesystem::path left;  ///< folder of the left camera's images
+  std::filesystem::path right;
+  std::filesystem::path manifest;
+};
+
 /// `[[station]]`: the head at one place of its travel.
 struct JobStation {
-  std::string name;
+  std::string name;                                                  ///< also the name of a folder
   double axis_mm = 0.0;                                              ///< the reading of the X axis
   std::vector<std::pair<std::string, std::filesystem::path>> cross;  ///< camera and photograph of the cross, sorted by camera
+  std::optional<JobScan> scan;
 };
 
 /// `[network]`: photographs of an object for its coordinates.
@@ -134,6 +142,7 @@ struct Job {
   std::optional<std::chrono::year_month_day> date;  ///< of the measurement: certificates are held against it
   std::string family;
   std::optional<double> dot_diameter_mm;
+  double marker_thickness_mm = 0.0;  ///< of markers on a wall, with what holds them: from the wall to the plane of the dots
   IdRanges ids;
   IdRanges exclude_ids;
   std::map<std::string, JobCamera> cameras;

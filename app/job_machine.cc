@@ -25,11 +25,28 @@ void read_temperature(const JobTable& table, double& temperature_c, double& sigm
   }
 }
 
+JobScan read_scan(const JobTable& table) {
+  table.check_keys("station.scan", {"left", "right", "manifest"});
+  JobScan scan;
+  for (const auto& [key, path] :
+       {std::pair{"left", &scan.left}, std::pair{"right", &scan.right}, std::pair{"manifest", &scan.manifest}}) {
+    std::optional<std::filesystem::path> given;
+    table.path(key, given);
+    if (!given) table.complain("", fmt::format("scan = {{ ... }} needs {}", key));
+    *path = given.value_or("");
+  }
+  return scan;
+}
+
 JobStation read_station(const JobTable& table) {
   table.check_keys("station", {"name", "axis_mm", "cross", "scan"});
   JobStation station;
   table.text("name", station.name);
   if (station.name.empty()) table.complain("", "[[station]] needs a name");
+  if (station.name.find('/') != std::string::npos || station.name == "." || station.name == "..") {
+    table.complain("name",
+                   fmt::format("a station's results stand in a folder of its name, which '{}' cannot be", station.name));
+  }
   if (!table.has("axis_mm")) table.complain("", "[[station]] needs axis_mm, the reading of the X axis");
   table.number("axis_mm", station.axis_mm, Domain::kAny);
   if (const auto cross = table.table("cross")) {
@@ -39,6 +56,7 @@ JobStation read_station(const JobTable& table) {
       station.cross.emplace_back(camera, image);
     }
   }
+  if (const auto scan = table.table("scan")) station.scan = read_scan(*scan);
   return station;
 }
 

@@ -38,6 +38,16 @@ struct DetectionTask {
   std::string title;
 };
 
+/// The markers that a job uses and how they are looked for.
+struct MarkerChoice {
+  markers::MarkerFamily family;
+  markers::DetectOptions options;
+};
+base::Result<MarkerChoice> marker_choice(const Job& job);
+
+/// The ids of a family that `texts` name ("0-127"), as the option --ids gives them; kUsage where it has none of them.
+base::Result<std::vector<int>> ids_in_use(const std::vector<std::string>& texts, const markers::MarkerFamily& family);
+
 /// The detection that a job asks for.
 base::Result<DetectionTask> detection_task(const Job& job);
 

@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
+#include <optional>
+#include <utility>
 
 #include <fmt/core.h>
 #include <nlohmann/json.hpp>
@@ -13,14 +14,21 @@
 #include "app/current.h"
 #include "app/head_files.h"
 #include "app/result_folder.h"
+#include "app/scan_head.h"
+#include "app/scan_markers.h"
+#include "app/scan_view.h"
 #include "base/depth_image.h"
 #include "base/image.h"
 #include "base/parallel.h"
 #include "base/pattern_sequence.h"
+#include "base/pcd.h"
 #include "base/ply.h"
+#include "base/point_list.h"
 #include "base/result_document.h"
 #include "base/scan_summary.h"
 #include "report/scan_report.h"
+#include "scan/head_test.h"
+#include "scan/markers.h"
 
 namespace crosstie::app {
 namespace {
@@ -31,15 +39,17 @@ using base::PhaseMap;
 using base::Result;
 using nlohmann::ordered_json;
 
-constexpr double kEpipolarLimit_px = 0.25;  // a well calibrated head keeps within a few hundredths; warm-up moves it by tenths
-
 ordered_json effective_options(const ScanTask& task) {
+  std::error_code ignored;
+  const bool folder = task.head.find(',') == std::string::npos;
   ordered_json options = {
-      {"head", task.head},
+      {"head", folder ? fs::proximate(task.head, task.base_folder, ignored).generic_string() : task.head},
       {"max_phase_sigma_rad", task.decode.max_phase_sigma_rad},
       {"min_modulation", task.decode.min_modulation},
       {"max_residual_ratio", task.decode.max_residual_ratio},
       {"min_word_agreement", task.decode.min_word_agreement},
+      {"max_movement_px", task.decode.max_movement_px},
+      {"max_light_change", task.decode.max_light_change},
       {"correct_ripple", task.decode.correct_ripple},
       {"min_depth_mm", task.match.min_depth_mm},
       {"max_depth_mm", task.match.max_depth_mm},
@@ -51,7 +61,18 @@ ordered_json effective_options(const ScanTask& task) {
       {"max_surface_sigmas", task.cloud.max_surface_sigmas},
       {"filter_radius_px", task.cloud.filter_radius_px},
       {"write_covariance", task.write_covariance},
+      {"write_pcd", task.write_pcd},
   };
+  if (task.max_off_curve_px) options["max_off_curve_px"] = *task.max_off_curve_px;
+  if (task.markers) {
+    options["markers"] = {{"family", task.markers->family.name},
+                          {"ids", task.markers->options.ids},
+                          {"thickness_mm", task.markers->thickness_mm},
+                          {"dot_diameter_mm", task.markers->dot_diameter_mm.value_or(0.0)}};
+  }
+  for (std::size_t camera = 0; camera < 2; ++camera) {
+    if (task.white_levels[camera]) options["white_level"][camera == 0 ? "left" : "right"] = *task.white_levels[camera];
+  }
   if (task.decode.noise) options["noise"] = {task.decode.noise->read, task.decode.noise->shot};
   return options;
 }
@@ -79,15 +100,26 @@ Result<std::vector<base::ResultInput>> inputs_of(const ScanTask& task, const bas
   return inputs;
 }
 
+/// One camera's phases, and the image for its markers.
+struct Decoded {
+  PhaseMap map;
+  base::Image for_markers;
+};
+
 /// One camera's images, one after the other.
-Result<PhaseMap> decode_camera(const ScanTask& task, const base::PatternSequence& sequence, std::size_t camera,
-                               const base::Progress& progress) {
+Result<Decoded> decode_camera(const ScanTask& task, const base::PatternSequence& sequence, std::size_t camera,
+                              const base::Progress& progress) {
   std::optional<scan::Decoder> decoder;
+  std::optional<base::Image> white;
+  double white_level = 0.0;
   for (std::size_t i = 0; i < sequence.patterns.size(); ++i) {
     if (progress.cancelled()) return base::cancelled("scan");
     const fs::path path = image_path(task, sequence.patterns[i], camera);
     auto image = base::read_image(path);
     if (!image) return base::fail(std::move(image));
+    if (task.white_levels[camera]) image->set_white_level(*task.white_levels[camera]);
+    white_level = image->white_level();
+    if (task.markers && !white && sequence.patterns[i].kind == base::PatternKind::kWhite) white = *image;
     if (!decoder) {
       auto made = scan::Decoder::make(sequence, image->width(), image->height(), task.decode);
       if (!made) return base::fail(std::move(made));
@@ -100,151 +132,71 @@ Result<PhaseMap> decode_camera(const ScanTask& task, const base::PatternSequence
   if (!map && map.error().code == ErrorCode::kBadInput)
     return base::fail(ErrorCode::kBadInput,
                       fmt::format("{}: {}", (camera == 0 ? task.left : task.right).string(), map.error().message));
-  return map;
+  if (!map) return base::fail(std::move(map));
+  Decoded result{*std::move(map), {}};
+  if (task.markers) result.for_markers = marker_image(white, result.map, white_level);
+  return result;
 }
 
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
+scan::MarkerOptions marker_options(const ScanMarkers& markers) {
+  scan::MarkerOptions options;
+  if (markers.family.border_outer > 0.0) options.mask_radii = markers.family.border_outer;
+  options.surface_radii = std::max(options.surface_radii, 2.0 * options.mask_radii);
+  options.thickness_mm = markers.thickness_mm;
+  options.dot_radius_mm = 0.5 * markers.dot_diameter_mm.value_or(0.0);
+  return options;
 }
 
-base::ScannedCamera describe(const std::string& name, const PhaseMap& map) {
-  constexpr std::size_t kEvery = 11;
-  base::ScannedCamera camera;
-  camera.name = name;
-  camera.counts = map.counts;
-  camera.noise = map.noise;
-  camera.noise_given = map.noise_given;
-  camera.residual_ratio = map.residual_ratio;
-  const base::PhasePlane& plane = map.x ? *map.x : *map.y;
-  std::vector<double> light, modulation, sigma;
-  for (std::size_t i = 0; i < map.status.size(); i += kEvery) {
-    if (map.status[i] != base::PhaseStatus::kValid) continue;
-    light.push_back(map.light[i]);
-    modulation.push_back(plane.modulation[i]);
-    sigma.push_back(2.0 * std::numbers::pi * static_cast<double>(plane.sigma_turns[i]));
+/// Finds the markers, takes the points on them out of the cloud and measures them.
+Result<> look_for_markers(const ScanTask& task, const base::Head& head, const std::array<base::Image, 2>& images,
+                          ScanParts& parts, Session& session) {
+  auto found = scan_markers(task, images, session);
+  if (!found) return base::fail(std::move(found));
+  parts.observations = *std::move(found);
+  const scan::MarkerOptions options = marker_options(*task.markers);
+  const auto& [left, right] = parts.observations;
+  parts.on_markers = scan::mask_markers(parts.cloud, head, left, right, options);
+  auto markers = scan::marker_points(parts.cloud, head, left, right, task.cloud.filter_radius_px, options);
+  if (!markers) return base::fail(std::move(markers));
+  parts.markers = *std::move(markers);
+  if (!parts.head_test.done()) {
+    parts.head_test = scan::test_head(head, scan::marker_samples(parts.markers, head), "markers");
+    if (auto ok = scan::judge_head(parts.head_test, off_curve_limit_px(task, head)); !ok) return ok;
   }
-  camera.light = quantile(std::move(light), 0.5);
-  camera.modulation = quantile(std::move(modulation), 0.5);
-  camera.sigma_phase_rad = quantile(std::move(sigma), 0.5);
-  for (const auto* axis : {&map.x, &map.y}) {
-    if (!*axis) continue;
-    camera.ripple_rad = std::max(camera.ripple_rad, 2.0 * std::numbers::pi * (*axis)->ripple_turns);
-    camera.word_agreement = std::min(camera.word_agreement, (*axis)->word_agreement);
-    camera.repaired += (*axis)->repaired;
-  }
-  return camera;
+  return {};
 }
 
-/// Means over cells of the left image.
-void fill_cells(const scan::DepthMap& depths, const scan::ScanCloud& cloud, base::ScanSummary& summary) {
-  constexpr int kColumns = 48;
-  const int cell = std::max(1, depths.width / kColumns);
-  const int columns = (depths.width + cell - 1) / cell;
-  const int rows = (depths.height + cell - 1) / cell;
-  summary.cell_px = cell;
-  summary.depth_mm = Eigen::MatrixXd::Zero(rows, columns);
-  summary.sigma_cells_mm = Eigen::MatrixXd::Zero(rows, columns);
-  Eigen::MatrixXd counts = Eigen::MatrixXd::Zero(rows, columns);
-  for (int y = 0; y < depths.height; ++y) {
-    for (int x = 0; x < depths.width; ++x) {
-      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(depths.width) + static_cast<std::size_t>(x);
-      if (std::isnan(cloud.depth_mm[at])) continue;
-      summary.depth_mm(y / cell, x / cell) += static_cast<double>(cloud.depth_mm[at]);
-      summary.sigma_cells_mm(y / cell, x / cell) += static_cast<double>(depths.sigma_mm[at]);
-      counts(y / cell, x / cell) += 1.0;
-    }
-  }
-  summary.depth_mm = summary.depth_mm.cwiseQuotient(counts);  // 0 / 0 is what is wanted: not a number
-  summary.sigma_cells_mm = summary.sigma_cells_mm.cwiseQuotient(counts);
-}
-
-const std::vector<double>* field(const base::Cloud& cloud, const std::string& name) {
-  for (const base::CloudField& candidate : cloud.fields) {
-    if (candidate.name == name) return &candidate.values;
-  }
-  return nullptr;
-}
-
-std::vector<base::Warning> warnings_of(const base::ScanSummary& summary) {
-  constexpr double kDisturbed = 0.02;
-  constexpr double kSaturated = 0.02;
-  std::vector<base::Warning> warnings;
-  if (!summary.both_axes) {
-    warnings.push_back(
-        {"calibration_not_tested", "",
-         "with one direction of fringes a scan does not test the calibration of the head; show both directions"});
-  }
-  for (const base::ScannedCamera& camera : summary.cameras) {
-    const auto count = [&](base::PhaseStatus status) {
-      return static_cast<double>(camera.counts[static_cast<std::size_t>(status)]);
-    };
-    const double lit =
-        count(base::PhaseStatus::kValid) + count(base::PhaseStatus::kDisturbed) + count(base::PhaseStatus::kSaturated);
-    if (count(base::PhaseStatus::kDisturbed) > kDisturbed * lit) {
-      warnings.push_back(
-          {"disturbed", camera.name,
-           fmt::format("{:.1f} % of the pixels do not see shifted fringes: did something move, or did other light change?",
-                       100.0 * count(base::PhaseStatus::kDisturbed) / lit)});
-    }
-    if (count(base::PhaseStatus::kSaturated) > kSaturated * lit) {
-      warnings.push_back(
-          {"saturated", camera.name,
-           fmt::format("{:.1f} % of the lit pixels are saturated in too many images; expose less, or take an exposure series",
-                       100.0 * count(base::PhaseStatus::kSaturated) / lit)});
-    }
-  }
-  return warnings;
-}
-
-base::ScanSummary summarise(const ScanTask& task, const base::Head& head, const std::array<PhaseMap, 2>& maps,
-                            const scan::DepthMap& depths, const scan::ScanCloud& cloud) {
-  constexpr std::size_t kEvery = 17;
-  base::ScanSummary summary;
-  summary.name = task.title;
-  summary.width = depths.width;
-  summary.height = depths.height;
-  summary.both_axes = !depths.epipolar_px.empty();
-  summary.cameras = {describe(head.left_name, maps[0]), describe(head.right_name, maps[1])};
-  summary.points = static_cast<std::int64_t>(cloud.cloud.points.size());
-  summary.guarded = depths.guarded;
-  summary.unmatched = depths.unmatched;
-  summary.off_curve = depths.off_curve;
-  summary.grazing = cloud.grazing;
-  summary.off_surface = cloud.off_surface;
-  const std::vector<double>& sigma = *field(cloud.cloud, "sigma_mm");
-  summary.sigma_mm = quantile(sigma, 0.5);
-  summary.sigma_p95_mm = quantile(sigma, 0.95);
-  if (const auto* calibration = field(cloud.cloud, "calibration_mm")) summary.calibration_mm = quantile(*calibration, 0.5);
-  if (summary.both_axes) {
-    summary.epipolar_median_px = depths.epipolar_median_px;
-    summary.epipolar_mad_px = depths.epipolar_mad_px;
-    for (std::size_t i = 0; i < depths.epipolar_px.size(); i += kEvery) {
-      if (!std::isnan(depths.epipolar_px[i])) summary.epipolar_px.push_back(static_cast<double>(depths.epipolar_px[i]));
-    }
-  }
-  std::vector<double> depth;
-  for (const Eigen::Vector3d& point : cloud.cloud.points) depth.push_back(point.z());
-  summary.depth_min_mm = quantile(depth, 0.0);
-  summary.depth_max_mm = quantile(std::move(depth), 1.0);
-  summary.correlation_length_mm = cloud.correlation_length_mm;
-  fill_cells(depths, cloud, summary);
-  summary.warnings = warnings_of(summary);
-  return summary;
+Result<> write_markers(const ScanParts& parts, const fs::path& folder) {
+  auto written = base::write_observations(folder / "markers.csv", {parts.observations.begin(), parts.observations.end()});
+  if (!written) return written;
+  base::PointList list;
+  for (const base::ScannedMarker& marker : parts.markers)
+    list.points.push_back({marker.id, marker.p_in_rig_mm, marker.cov_mm2 + marker.calibration_cov_mm2});
+  return base::write_point_list(folder / "marker_points.csv", list);
 }
 
 /// The noise part: sigma^2 along the ray of each point.
 void add_covariance(base::Cloud& cloud) {
-  const std::vector<double>& sigma = *field(cloud, "sigma_mm");
+  const std::vector<double>& sigma = *cloud_field(cloud, "sigma_mm");
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
     const Eigen::Vector3d ray = cloud.points[i].normalized();
     cloud.cov_mm2.emplace_back(sigma[i] * sigma[i] * ray * ray.transpose());
   }
 }
 
+std::string said(const base::ScanSummary& summary) {
+  std::string text = fmt::format("{} points, median sigma {:.4f} mm", summary.points, summary.sigma_mm);
+  if (summary.markers_wanted) text += fmt::format(", {} markers", summary.markers.size());
+  return text;
+}
+
 }  // namespace
+
+double off_curve_limit_px(const ScanTask& task, const base::Head& head) {
+  constexpr double kCalibrated_px = 0.25;
+  constexpr double kUnknown_px = 1.0;
+  return task.max_off_curve_px.value_or(head.cov.size() > 0 ? kCalibrated_px : kUnknown_px);
+}
 
 Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session& session) {
   const auto sequence = base::read_pattern_manifest(task.manifest);
@@ -264,36 +216,53 @@ Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session
   auto folder = ResultFolder::begin(out);
   if (!folder) return base::fail(std::move(folder));
   const base::Progress progress = session.progress();
-  std::array<PhaseMap, 2> maps;
+  ScanParts parts;
+  parts.observations = no_markers(task);
+  std::array<base::Image, 2> for_markers;
   for (std::size_t camera = 0; camera < 2; ++camera) {
-    auto map = decode_camera(task, *sequence, camera, progress);
-    if (!map) return base::fail(std::move(map));
-    maps[camera] = *std::move(map);
+    auto decoded = decode_camera(task, *sequence, camera, progress);
+    if (!decoded) return base::fail(std::move(decoded));
+    parts.maps[camera] = std::move(decoded->map);
+    for_markers[camera] = std::move(decoded->for_markers);
   }
-  const auto depths = scan::match(maps[0], maps[1], head->head, task.match, progress);
-  if (!depths) return tl::unexpected(depths.error());
-  auto cloud = scan::make_cloud(*depths, maps[0], head->head, task.cloud, progress);
+  auto depths = scan::match(parts.maps[0], parts.maps[1], head->head, task.match, progress);
+  if (!depths) return base::fail(std::move(depths));
+  parts.depths = *std::move(depths);
+  auto tested = tested_head(task, head->head, parts.maps, parts.depths, progress);
+  if (!tested) return base::fail(std::move(tested));
+  parts.head_test = *std::move(tested);
+  auto cloud = scan::make_cloud(parts.depths, parts.maps[0], head->head, task.cloud, progress);
   if (!cloud) return base::fail(std::move(cloud));
-  const base::ScanSummary summary = summarise(task, head->head, maps, *depths, *cloud);
+  parts.cloud = *std::move(cloud);
+  if (task.markers) {
+    if (auto done = look_for_markers(task, head->head, for_markers, parts, session); !done) return base::fail(std::move(done));
+  }
+  const base::ScanSummary summary = summarise(task, head->head, parts);
 
   base::ResultEnvelope envelope{"scan", "rig", *inputs, {}, summary.warnings};
-  if (summary.epipolar_median_px) {
-    const double off = std::abs(*summary.epipolar_median_px);
-    envelope.verdicts.push_back({"epipolar distance", off, kEpipolarLimit_px, "px",
-                                 "default: a calibrated head keeps within a few hundredths of a pixel",
-                                 base::judge_upper_limit(off, kEpipolarLimit_px, 0.0)});
+  if (summary.head_test.done()) {
+    const base::HeadTest& test = summary.head_test;
+    const double limit = off_curve_limit_px(task, head->head);
+    if (limit > 0.0) {
+      envelope.verdicts.push_back({"off the epipolar curves", test.off_px, limit, "px",
+                                   "default: a calibrated head keeps within a few hundredths of a pixel",
+                                   base::judge_upper_limit(test.off_px, limit, 2.0 * test.sigma_px)});
+    }
   }
   const ordered_json result = base::result_json(envelope, options, base::scan_json(summary));
-  if (task.write_covariance) add_covariance(cloud->cloud);
-  if (auto written = base::write_ply(folder->path() / "cloud.ply", cloud->cloud); !written)
+  if (task.write_covariance) add_covariance(parts.cloud.cloud);
+  if (auto written = base::write_ply(folder->path() / "cloud.ply", parts.cloud.cloud); !written)
     return base::fail(std::move(written));
-  if (auto written = base::write_depth_tiff(folder->path() / "depth.tiff", depths->width, depths->height, cloud->depth_mm);
-      !written)
-    return base::fail(std::move(written));
+  if (task.write_pcd) {
+    if (auto done = base::write_pcd(folder->path() / "cloud.pcd", parts.cloud.cloud); !done) return base::fail(std::move(done));
+  }
+  auto written =
+      base::write_depth_tiff(folder->path() / "depth.tiff", parts.depths.width, parts.depths.height, parts.cloud.depth_mm);
+  if (!written) return base::fail(std::move(written));
+  if (auto done = write_markers(parts, folder->path()); !done) return base::fail(std::move(done));
   const std::string html = report::scan_report(summary, {"Scan", task.title, envelope, options.dump(2)});
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
-  return StepOutcome{out, fmt::format("{} points, median sigma {:.4f} mm", summary.points, summary.sigma_mm), false,
-                     outcome_of(result)};
+  return StepOutcome{out, said(summary), false, outcome_of(result)};
 }
 
 }  // namespace crosstie::app

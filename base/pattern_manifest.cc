@@ -80,7 +80,7 @@ std::string file_name(const Json& json, const std::string& where, const char* ke
 }
 
 Pattern pattern_of(const Json& json, const std::string& where) {
-  check_keys(json, where, {"kind", "axis", "set", "bit", "shift", "exposure", "file", "left", "right"});
+  check_keys(json, where, {"kind", "axis", "set", "bit", "shift", "exposure", "repeat", "file", "left", "right"});
   Pattern pattern;
   const std::string kind = text(json, where, "kind");
   const auto known = pattern_kind_from_name(kind);
@@ -96,6 +96,10 @@ Pattern pattern_of(const Json& json, const std::string& where) {
     } else {
       pattern.bit = integer(json, where, "bit");
     }
+  }
+  if (json.contains("repeat")) {
+    if (!json["repeat"].is_boolean()) refuse(where + ": repeat is true or false");
+    pattern.repeat = json["repeat"].get<bool>();
   }
   if (json.contains("exposure")) pattern.exposure = number(json, where, "exposure");
   if (json.contains("file")) {
@@ -148,6 +152,7 @@ Json pattern_json(const Pattern& pattern) {
     json["bit"] = pattern.bit;
   }
   if (pattern.exposure != 1.0) json["exposure"] = pattern.exposure;
+  if (pattern.repeat) json["repeat"] = true;
   if (pattern.files[0] == pattern.files[1]) {
     json["file"] = pattern.files[0];
   } else {

@@ -26,7 +26,13 @@ constexpr std::size_t kMaxPatterns = 1000;
 tl::unexpected<Error> refuse(std::string message) { return fail(ErrorCode::kBadInput, "patterns: " + std::move(message)); }
 
 bool tells(const Pattern& pattern, PatternKind kind, ProjectorAxis axis) {
-  return pattern.kind == kind && pattern.axis == axis;
+  return pattern.kind == kind && pattern.axis == axis && !pattern.repeat;
+}
+
+/// Whether two images show the same.
+bool same_pattern(const Pattern& a, const Pattern& b) {
+  return a.kind == b.kind && a.axis == b.axis && a.bit == b.bit && a.frequency == b.frequency && a.shift == b.shift &&
+         a.exposure == b.exposure;
 }
 
 Result<> check_fringes(const PatternSequence& sequence, ProjectorAxis axis) {
@@ -117,6 +123,16 @@ std::optional<PatternKind> pattern_kind_from_name(std::string_view name) {
 
 std::string_view axis_name(ProjectorAxis axis) { return axis == ProjectorAxis::kX ? "x" : "y"; }
 
+std::optional<int> PatternSequence::first_of(int index) const {
+  const Pattern& last = patterns[static_cast<std::size_t>(index)];
+  const bool reference = last.kind == PatternKind::kWhite || last.kind == PatternKind::kBlack;
+  if (!last.repeat && !reference) return {};
+  for (int i = 0; i < index; ++i) {
+    if (same_pattern(patterns[static_cast<std::size_t>(i)], last)) return i;
+  }
+  return {};
+}
+
 int AxisCode::finest() const { return static_cast<int>(std::max_element(fringes.begin(), fringes.end()) - fringes.begin()); }
 
 std::vector<int> PatternSequence::fringe_images(ProjectorAxis axis, int frequency) const {
@@ -143,6 +159,10 @@ Result<> PatternSequence::validate() const {
       return refuse(fmt::format("an image shows set {} of the axis {}, which has {}", pattern.frequency,
                                 axis_name(pattern.axis), code(pattern.axis).fringes.size()));
     }
+  }
+  for (std::size_t i = 0; i < patterns.size(); ++i) {
+    if (patterns[i].repeat && !first_of(static_cast<int>(i)))
+      return refuse(fmt::format("image {} repeats a pattern that is not shown before it", i + 1));
   }
   if (auto ok = check_axis(*this, ProjectorAxis::kX); !ok) return ok;
   return check_axis(*this, ProjectorAxis::kY);

@@ -38,6 +38,8 @@ struct Pattern {
   double shift = 0.0;                      ///< of fringes, in periods: light = A + B cos(2 pi (fringes u - shift))
   double exposure = 1.0;                   ///< relative to the shortest of an exposure series
   std::array<std::string, 2> files = {};   ///< name of the image that the left, the right camera took of it
+  /// Shown once more, to be compared with the first time: whether all stood still. It takes no part in the coordinate.
+  bool repeat = false;
 };
 
 /// How a coordinate is coded. u is the coordinate over the projector's extent, 0..1; t = fringes[finest] * u is the coordinate in
@@ -63,8 +65,10 @@ struct PatternSequence {
   std::vector<Pattern> patterns;  ///< in the order in which they are shown
 
   [[nodiscard]] const AxisCode& code(ProjectorAxis axis) const { return axis == ProjectorAxis::kX ? x : y; }
-  /// Indices of the fringe images of one set, in the order of `patterns`.
+  /// Indices of the fringe images of one set without repeats, in the order of `patterns`.
   [[nodiscard]] std::vector<int> fringe_images(ProjectorAxis axis, int frequency) const;
+  /// The first image of the same pattern before `index`, where that is a repeat, or white or black; nothing where it is none.
+  [[nodiscard]] std::optional<int> first_of(int index) const;
   /// Error kBadInput that names what contradicts itself: no fringes, fewer than three different shifts of a set, bits missing or
   /// given twice, more than 15 bits, sets that nothing unwraps, sizes or exposures out of their domain.
   [[nodiscard]] Result<> validate() const;

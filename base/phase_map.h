@@ -43,13 +43,32 @@ struct PhasePlane {
   std::int64_t repaired = 0;  ///< pixels whose fringe their neighbours told
 };
 
+/// Whether all stood still during a capture, and the light with it.
+struct Stillness {
+  bool compared = false;    ///< patterns were shown at the beginning and once more at the end
+  bool shift_told = false;  ///< and what they show is sharp enough to tell a shift
+  double shift_px = 0.0;    ///< of the image as a whole from the first to the last time
+  double shift_sigma_px = 0.0;
+  double part_shift_px = 0.0;  ///< largest of the parts of the image that are beyond 5 sigmas
+  double part_sigma_px = 0.0;
+  double moved_share = 0.0;                   ///< of the parts: beyond the limit by more than 5 sigmas
+  double changed_share = 0.0;                 ///< of the parts: look different from the first to the last time
+  std::optional<double> light_change = {};    ///< of the projector's light, relative; nothing without white and black twice
+  std::optional<double> ambient_change = {};  ///< of all other light, relative to the projector's
+  bool drift_told = false;                    ///< sets of four images or more were there; see drift_px
+  /// Largest shift of an image of a set of fringes against the others that is beyond 5 sigmas, from the residuals: movement within
+  /// the set, or a projector whose steps are not even.
+  double drift_px = 0.0;
+  double drift_sigma_px = 0.0;
+};
+
 /// One camera's view of the projector.
 struct PhaseMap {
   int width = 0;
   int height = 0;
   std::optional<PhasePlane> x;
   std::optional<PhasePlane> y;
-  std::vector<float> light;                                 ///< mean level of the fringe images [grey levels]
+  std::vector<float> light;                                 ///< mean level of the fringe images of the shortest exposure
   std::vector<PhaseStatus> status;                          ///< of each pixel, over all axes
   std::array<std::int64_t, kPhaseStatusCount> counts = {};  ///< by status
   GreyNoise noise;                                          ///< as found, or as given
@@ -57,6 +76,7 @@ struct PhaseMap {
   /// Root mean square of the fringe images' residuals over their predicted sigma: near 1 where light is a cosine and all stood still.
   double residual_ratio = 0.0;
   double disturbed_fraction = 0.0;  ///< of the pixels with modulation
+  Stillness stillness;
 
   [[nodiscard]] std::size_t at(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column);

@@ -11,11 +11,12 @@
 #include "base/network.h"
 #include "base/observation.h"
 #include "base/result.h"
-#include "base/scan_summary.h"
 #include "base/verdict.h"
 #include "base/verification.h"
 
 namespace crosstie::base {
+
+struct ScanSummary;
 
 /// A file that a result was computed from.
 struct ResultInput {

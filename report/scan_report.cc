@@ -12,6 +12,7 @@
 #include "report/detail/number.h"
 #include "report/detail/page.h"
 #include "report/detail/plot.h"
+#include "report/detail/scene.h"
 
 namespace crosstie::report {
 namespace {
@@ -44,12 +45,14 @@ std::vector<detail::KeyFigure> key_figures(const ScanSummary& scan) {
   } else {
     figures.push_back({"Calibration's part", "unknown", "the calibration was given without its covariance", "warning"});
   }
-  if (scan.epipolar_median_px) {
-    figures.push_back(
-        {"Off the epipolar curve (median)", fmt::format("{} px", detail::fixed(*scan.epipolar_median_px, 3)),
-         fmt::format("scatter {} px: the test of the calibration in this scan", detail::fixed(scan.epipolar_mad_px, 3)), ""});
+  if (scan.head_test.done()) {
+    figures.push_back({"Off the epipolar curves", fmt::format("{} px", detail::fixed(scan.head_test.off_px, 3)),
+                       fmt::format("{}: the test of the calibration by this scan's {}",
+                                   detail::expanded(scan.head_test.sigma_px, "px"), scan.head_test.source),
+                       ""});
   } else {
-    figures.push_back({"Calibration", "not tested", "one direction of fringes tells nothing of it", "warning"});
+    figures.push_back(
+        {"Calibration", "not tested", "one direction of fringes, no texture and no markers tell nothing of it", "warning"});
   }
   return figures;
 }
@@ -74,12 +77,13 @@ std::string pixel_table(const ScanSummary& scan) {
     table.add_row(std::move(cells));
   }
   detail::HtmlTable lost("Why pixels with a phase became no points.", {{"Reason", "", "", false}, {"Pixels", ""}});
-  const std::array<std::pair<const char*, std::int64_t>, 5> reasons = {
+  const std::array<std::pair<const char*, std::int64_t>, 6> reasons = {
       {{"beside the end of a surface, where a pixel sees two", scan.guarded},
        {"not seen by the other camera", scan.unmatched},
        {"both phases meet off the epipolar curve", scan.off_curve},
        {"seen at too flat an angle", scan.grazing},
-       {"off the surface of its neighbours", scan.off_surface}}};
+       {"off the surface of its neighbours", scan.off_surface},
+       {"on markers", scan.on_markers}}};
   for (const auto& [reason, pixels] : reasons) {
     lost.add_row({text_cell(reason), number_cell(detail::counted(pixels), static_cast<double>(pixels))});
   }
@@ -111,6 +115,86 @@ std::string camera_table(const ScanSummary& scan) {
                    number_cell(detail::fixed(camera.word_agreement, 3), camera.word_agreement)});
   }
   return table.html();
+}
+
+std::string marker_table(const ScanSummary& scan) {
+  detail::HtmlTable table(
+      fmt::format(
+          "Markers that both cameras read ({} in the left image, {} in the right one). Height is that of a dot over the "
+          "wall as the cloud shows it round the marker, to be compared with the thickness of the job, {} mm.",
+          scan.markers_read[0], scan.markers_read[1], detail::fixed(scan.marker_thickness_mm, 2)),
+      {{"Id", ""},
+       {"x", "mm"},
+       {"y", "mm"},
+       {"z", "mm"},
+       {"Sigma", "mm", "largest axis, of the images' noise"},
+       {"Calibration", "mm", "largest axis of its part"},
+       {"Off the curve", "px", "of the right image from the left one's epipolar curve"},
+       {"Sigma", "px", "of the noise and the calibration"},
+       {"Height", "mm"},
+       {"Sigma", "mm"}});
+  for (const base::ScannedMarker& marker : scan.markers) {
+    const double sigma = detail::largest_sigma(marker.cov_mm2);
+    const double calibration = detail::largest_sigma(marker.calibration_cov_mm2);
+    const double off_sigma = std::hypot(marker.off_curve_sigma_px, marker.off_curve_calibration_px);
+    table.add_row(
+        {number_cell(std::to_string(marker.id), marker.id),
+         number_cell(detail::fixed(marker.p_in_rig_mm.x(), 3), marker.p_in_rig_mm.x()),
+         number_cell(detail::fixed(marker.p_in_rig_mm.y(), 3), marker.p_in_rig_mm.y()),
+         number_cell(detail::fixed(marker.p_in_rig_mm.z(), 3), marker.p_in_rig_mm.z()),
+         number_cell(detail::significant(sigma), sigma), number_cell(detail::significant(calibration), calibration),
+         number_cell(detail::fixed(marker.off_curve_px, 3), marker.off_curve_px),
+         number_cell(detail::fixed(off_sigma, 3), off_sigma),
+         marker.on_wall() ? number_cell(detail::fixed(marker.height_mm, 3), marker.height_mm) : text_cell("-"),
+         marker.on_wall() ? number_cell(detail::significant(marker.height_sigma_mm), marker.height_sigma_mm) : text_cell("-")});
+  }
+  return table.html();
+}
+
+std::string stillness_table(const ScanSummary& scan) {
+  detail::HtmlTable table("What changed from the first to the last image of the same patterns, and within the sets of fringes.",
+                          {{"Camera", "", "", false},
+                           {"Shift", "px", "of the whole image, from the first to the last time"},
+                           {"Sigma", "px"},
+                           {"Looks different", "%", "share of the image"},
+                           {"Projector's light", "%"},
+                           {"Other light", "%", "of the projector's"},
+                           {"Shift within a set", "px", "of one image of fringes against the others, beyond 5 sigmas"}});
+  const auto percent = [](const std::optional<double>& share) {
+    return share ? number_cell(detail::fixed(100.0 * *share, 2), *share) : text_cell("-");
+  };
+  for (const ScannedCamera& camera : scan.cameras) {
+    const base::Stillness& still = camera.stillness;
+    table.add_row(
+        {text_cell(camera.name),
+         still.shift_told ? number_cell(detail::fixed(still.shift_px, 4), still.shift_px) : text_cell("-"),
+         still.shift_told ? number_cell(detail::fixed(still.shift_sigma_px, 4), still.shift_sigma_px) : text_cell("-"),
+         percent(still.compared ? std::optional(still.changed_share) : std::nullopt), percent(still.light_change),
+         percent(still.ambient_change),
+         still.drift_told ? number_cell(detail::fixed(still.drift_px, 3), still.drift_px) : text_cell("-")});
+  }
+  return table.html();
+}
+
+std::string head_table(const ScanSummary& scan) {
+  const base::HeadTest& test = scan.head_test;
+  detail::HtmlTable table(
+      fmt::format(
+          "By {} of {} places: what the right camera would have changed by against the left one if that alone explained "
+          "the distances from the epipolar curves, and how much of them it explains. The distance between the cameras "
+          "changes none of them: it is not tested.",
+          test.source, test.samples),
+      {{"Change", "", "", false}, {"Value", "mrad"}, {"Sigma", "mrad"}, {"Explains", "%"}});
+  for (const base::HeadTest::Term& term : test.terms) {
+    table.add_row({text_cell(term.name), number_cell(detail::fixed(1e3 * term.value_rad, 3), term.value_rad),
+                   number_cell(detail::significant(1e3 * term.sigma_rad), term.sigma_rad),
+                   number_cell(detail::fixed(100.0 * term.explained, 0), term.explained)});
+  }
+  return detail::paragraph(
+             "A calibrated head sees the same on the epipolar curves of both cameras; a head that was knocked or has warmed up "
+             "sees "
+             "it beside them.") +
+         table.html();
 }
 
 /// Lowest value of the cells that hold one.
@@ -154,17 +238,21 @@ std::string scan_report(const ScanSummary& scan, const ReportContext& context) {
                        detail::figure(map_of(scan, scan.sigma_cells_mm, "Sigma", 0.0,
                                              std::min(highest(scan.sigma_cells_mm), 3.0 * scan.sigma_p95_mm)),
                                       "Mean predicted sigma of a point along its viewing ray: the cameras' noise alone.")}));
+  if (!scan.sample.empty()) {
+    page.scene(fmt::format("{} of the points in 3D", detail::counted(static_cast<std::int64_t>(scan.sample.size()))),
+               detail::cloud_scene(scan.sample),
+               "The 3D view needs JavaScript and WebGL. The maps above show the same depths and sigmas.");
+  }
   page.section("pixels", "Pixels", pixel_table(scan));
+  if (scan.markers_wanted) page.section("markers", "Markers", marker_table(scan));
   page.section("cameras", "Light, noise and fringes", camera_table(scan));
+  page.section("stillness", "Movement and light", stillness_table(scan));
+  if (scan.head_test.done()) page.section("head", "Test of the calibration", head_table(scan));
   if (scan.epipolar_median_px) {
-    page.section(
-        "calibration", "Test of the calibration",
-        detail::paragraph(
-            "Both phases of a left pixel are met at one place of the right image. A calibrated head has it on the "
-            "pixel's epipolar curve; a head that was knocked or has warmed up has it beside.") +
-            detail::figure(detail::histogram(scan.epipolar_px, "Distance from the epipolar curve", "px",
-                                             {{std::max(1e-6, scan.epipolar_mad_px), "normal curve of the same scatter"}}),
-                           "Signed distances of a sample of the points."));
+    page.section("calibration", "Distances from the epipolar curves",
+                 detail::figure(detail::histogram(scan.epipolar_px, "Distance from the epipolar curve", "px",
+                                                  {{std::max(1e-6, scan.epipolar_mad_px), "normal curve of the same scatter"}}),
+                                "Signed distances of a sample of the points."));
   }
   if (scan.correlation_length_mm > 0.0) {
     page.section("filter", "Filter",

@@ -15,9 +15,11 @@
 #include "scan/detail/fringe_kernel.h"
 #include "scan/detail/fringe_set.h"
 #include "scan/detail/gray_code.h"
+#include "scan/detail/guard.h"
 #include "scan/detail/noise.h"
 #include "scan/detail/ripple.h"
 #include "scan/detail/smooth.h"
+#include "scan/detail/stillness.h"
 #include "scan/detail/unwrap.h"
 
 namespace crosstie::scan {
@@ -57,6 +59,19 @@ std::vector<float> squared_modulation(const FringeSet& set, int width, int heigh
   return mean;
 }
 
+/// The largest significant shift of an image of a set [turns], 0: none.
+double larger_drift(const detail::ImageDrift::Estimate& drift, double* sigma = nullptr) {
+  constexpr double kSignificant = 5.0;  // sigmas
+  double largest = 0.0;
+  for (Eigen::Index n = 0; n < drift.turns.size(); ++n) {
+    const double size = std::abs(drift.turns(n));
+    if (size <= largest || size < kSignificant * drift.sigma_turns(n)) continue;
+    largest = size;
+    if (sigma != nullptr) *sigma = drift.sigma_turns(n);
+  }
+  return largest;
+}
+
 SetKey key_of(const Pattern& pattern) { return {pattern.axis, pattern.frequency, pattern.exposure}; }
 
 }  // namespace
@@ -71,6 +86,8 @@ Result<> DecodeOptions::validate() const {
     return bad("the noise must be positive");
   if (!(max_residual_ratio >= 0.0))
     return bad(fmt::format("max_residual_ratio is {}, it must be 0 or more", max_residual_ratio));
+  if (!(max_movement_px >= 0.0)) return bad(fmt::format("max_movement_px is {}, it must be 0 or more", max_movement_px));
+  if (!(max_light_change >= 0.0)) return bad(fmt::format("max_light_change is {}, it must be 0 or more", max_light_change));
   if (!(min_word_agreement >= 0.0 && min_word_agreement <= 1.0))
     return bad(fmt::format("min_word_agreement is {}, not in 0..1", min_word_agreement));
   return {};
@@ -87,6 +104,10 @@ struct Decoder::Parts {
   std::map<SetKey, FringeSet> sets;
   detail::ResidualStatistics statistics;
   std::map<ProjectorAxis, detail::GrayWords> words;
+  std::map<int, int> last_of;         ///< by the first image of a pattern that is shown more than once: its last one
+  std::map<int, Image> first_images;  ///< of these
+  std::map<int, Image> last_images;   ///< by the first one's index
+  std::vector<float> light;           ///< mean level of the first set's shortest exposure
 
   [[nodiscard]] std::size_t pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
   Result<> solve_if_complete(const Pattern& pattern);
@@ -157,8 +178,13 @@ FringeSet Decoder::Parts::fused(ProjectorAxis axis, int frequency, const base::G
       ++it;
     }
   }
+  std::sort(exposures.begin(), exposures.end(), [](const auto& a, const auto& b) { return a.exposure < b.exposure; });
+  if (light.empty()) light = exposures.front().mean;
   FringeSet result = std::move(exposures.front());
   if (exposures.size() == 1) return result;
+  for (const FringeSet& set : exposures) {
+    if (set.drift.turns.size() > 0 && larger_drift(set.drift) > larger_drift(result.drift)) result.drift = set.drift;
+  }
   // The light's complex amplitude from each exposure with the weight of its variance; levels as of the last, longest one.
   if (result.gains.empty()) result.gains.assign(pixels(), static_cast<float>(result.gain));
   for (std::size_t i = 0; i < pixels(); ++i) {
@@ -291,7 +317,17 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
   } else {
     plane.turns = all[finest].turns;
   }
-  if (map.light.empty()) map.light = all[finest].mean;
+  const double slope = detail::median_slope(plane, width, height);  // finest turns per px
+  for (std::size_t f = 0; f < all.size() && slope > 0.0; ++f) {
+    if (all[f].drift.turns.size() == 0) continue;
+    map.stillness.drift_told = true;
+    double sigma = 0.0;
+    const double px_per_turn = plane.fringes / code.fringes[f] / slope;
+    const double drift = larger_drift(all[f].drift, &sigma) * px_per_turn;
+    if (drift <= map.stillness.drift_px) continue;
+    map.stillness.drift_px = drift;
+    map.stillness.drift_sigma_px = sigma * px_per_turn;
+  }
   plane.modulation = std::move(all[finest].modulation);
   return plane;
 }
@@ -320,6 +356,9 @@ Result<Decoder> Decoder::make(const PatternSequence& sequence, int width, int he
   parts->width = width;
   parts->height = height;
   parts->options = options;
+  for (std::size_t i = 0; i < sequence.patterns.size(); ++i) {
+    if (const auto first = sequence.first_of(static_cast<int>(i))) parts->last_of[*first] = static_cast<int>(i);
+  }
   parts->given.assign(sequence.patterns.size(), 0);
   return Decoder(std::move(parts));
 }
@@ -341,7 +380,12 @@ Result<> Decoder::add(int index, Image image) {
   }
   parts.given[at] = 1;
   const Pattern& pattern = parts.sequence.patterns[at];
-  if (pattern.kind == PatternKind::kWhite || pattern.kind == PatternKind::kBlack) return {};
+  // Of the images of one pattern the first and the last are compared.
+  if (const auto first = parts.sequence.first_of(index)) {
+    if (parts.last_of[*first] == index) parts.last_images.emplace(*first, image);
+  }
+  if (parts.last_of.contains(index)) parts.first_images.emplace(index, image);
+  if (pattern.repeat || pattern.kind == PatternKind::kWhite || pattern.kind == PatternKind::kBlack) return {};
   parts.waiting.emplace(index, std::move(image));
   if (pattern.kind == PatternKind::kFringe) {
     if (auto ok = parts.solve_if_complete(pattern); !ok) return ok;
@@ -371,6 +415,15 @@ Result<PhaseMap> Decoder::finish(const base::Progress& progress) {
     if (!plane) return fail(std::move(plane));
     (axis == ProjectorAxis::kX ? map.x : map.y) = std::move(*plane);
   }
+  map.light = std::move(parts.light);
+  std::vector<detail::Repeated> repeated;
+  for (auto& [first, image] : parts.first_images) {
+    repeated.push_back(
+        {parts.sequence.patterns[static_cast<std::size_t>(first)], std::move(image), std::move(parts.last_images.at(first))});
+  }
+  detail::compare_repeated(repeated, map.noise, parts.options.max_movement_px, map.stillness);
+  auto still = detail::judge_stillness(map.stillness, parts.options.max_movement_px, parts.options.max_light_change);
+  if (!still) return fail(std::move(still));
   for (std::size_t i = 0; i < parts.pixels(); ++i) {
     ++map.counts[static_cast<std::size_t>(map.status[i])];
     if (map.status[i] == PhaseStatus::kValid) continue;

@@ -23,6 +23,12 @@ struct DecodeOptions {
   double max_residual_ratio = 2.5;
   /// Least share of the places where the Gray code changes that must agree in phase (resultant length, 0..1).
   double min_word_agreement = 0.9;
+  /// Largest shift [px] of the image from the first to the last time that a pattern was shown, and of an image of fringes against the
+  /// others of its set; 0: any. Default: what a tenth of a pixel does to depths is seen in the points' scatter.
+  double max_movement_px = 0.1;
+  /// Largest change of the projector's and of other light from the first to the last image, of the projector's light; 0: any. Default:
+  /// a change by a tenth over some 40 images is below a hundredth within a set of fringes, less than noise does to a phase.
+  double max_light_change = 0.1;
   bool correct_ripple = true;  ///< take out the error that a waveform which is no cosine leaves in the phases
   int threads = 0;             ///< 0: as many as the machine has; no effect on the outcome
 
@@ -34,7 +40,8 @@ struct DecodeOptions {
 /// Model: level = A + B cos(2 pi (t - shift)) + noise; A, B and the phase by least squares over the samples that are not cut off,
 /// in raw pixels. sigma = sqrt(g var(A)) / (2 pi B) turns, g = 2 / N for N even steps, var() the camera's noise. The fringe is
 /// told by the Gray code, or by the sets of fringes together. An image is let go as soon as its part is done: at any time the
-/// images of one set are held, and those of the Gray code where nothing before told their threshold.
+/// images of one set are held, those of the Gray code where nothing before told their threshold, and the first image of each pattern
+/// that is shown once more at the end.
 class Decoder {
  public:
   /// Images will be `width` x `height`. Errors: those of the options' validate() and the sequence's.
@@ -47,7 +54,7 @@ class Decoder {
   base::Result<> add(int index, base::Image image);
 
   /// Errors kBadInput: images missing; nothing lit by fringes; a Gray code that does not agree with the fringes (another order of the
-  /// images, another sequence), with what was found.
+  /// images, another sequence), with what was found; movement and changed light.
   base::Result<base::PhaseMap> finish(const base::Progress& progress = {});
 
  private:

@@ -13,6 +13,7 @@
 #include "base/parallel.h"
 #include "scan/detail/guard.h"
 #include "scan/detail/median.h"
+#include "scan/detail/rectification.h"
 #include "scan/detail/rectified_map.h"
 #include "scan/detail/smooth.h"
 
@@ -28,31 +29,6 @@ using base::Result;
 constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
 constexpr int kRowsPerTask = 16;
 constexpr int kMaxCells = 8;  // steps from cell to cell on the way to the right place
-
-/// The frame whose x axis runs from the left to the right camera: epipolar curves are its lines of equal Y/Z.
-struct Rectification {
-  Eigen::Matrix3d rectified_from_left = Eigen::Matrix3d::Identity();
-  Eigen::Matrix3d rectified_from_right = Eigen::Matrix3d::Identity();
-  double baseline_mm = 0.0;
-};
-
-Result<Rectification> rectify(const base::Pose& right_from_left) {
-  const base::Pose left_from_right = right_from_left.inverse();
-  Rectification result;
-  result.baseline_mm = left_from_right.translation_mm.norm();
-  const Eigen::Vector3d x = left_from_right.translation_mm / std::max(result.baseline_mm, 1e-300);
-  const Eigen::Vector3d forward = Eigen::Vector3d::UnitZ() + left_from_right.rotation * Eigen::Vector3d::UnitZ();
-  const Eigen::Vector3d y = forward.cross(x);
-  if (!(result.baseline_mm > 1e-6) || !(y.norm() > 0.1)) {
-    return fail(ErrorCode::kBadInput,
-                "the cameras of the head do not look across their baseline side by side; is the rig's pose right?");
-  }
-  result.rectified_from_left.row(0) = x;
-  result.rectified_from_left.row(1) = y.normalized();
-  result.rectified_from_left.row(2) = x.cross(y.normalized());
-  result.rectified_from_right = result.rectified_from_left * left_from_right.rotation.toRotationMatrix();
-  return result;
-}
 
 /// Two coordinates of each right pixel by which left pixels find it: a phase, and the other phase or the epipolar curve.
 struct Target {
@@ -355,7 +331,7 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
                        const base::Progress& progress) {
   if (auto ok = options.validate(); !ok) return fail(std::move(ok));
   if (auto ok = check(left, right, head); !ok) return fail(std::move(ok));
-  const auto frame = rectify(head.right_from_left);
+  const auto frame = detail::rectify(head.right_from_left);
   if (!frame) return tl::unexpected(frame.error());
   const auto left_map = detail::RectifiedMap::make(head.left, frame->rectified_from_left);
   if (!left_map) return tl::unexpected(left_map.error());

@@ -95,7 +95,16 @@ Result<PatternSequence> make_patterns(const PatternOptions& options) {
   add_references();
   if (options.x) add_axis(options, ProjectorAxis::kX, sequence);
   if (options.y) add_axis(options, ProjectorAxis::kY, sequence);
-  add_references();
+  if (options.repeat) {
+    for (const ProjectorAxis axis : {ProjectorAxis::kX, ProjectorAxis::kY}) {
+      const base::AxisCode& code = sequence.code(axis);
+      if (!code.used()) continue;
+      Pattern pattern = sequence.patterns[static_cast<std::size_t>(sequence.fringe_images(axis, code.finest()).front())];
+      pattern.repeat = true;
+      sequence.patterns.push_back(pattern);
+    }
+    add_references();
+  }
   const int digits = sequence.patterns.size() > 100 ? 3 : 2;
   for (std::size_t i = 0; i < sequence.patterns.size(); ++i)
     sequence.patterns[i].files.fill(fmt::format("{:0{}}.png", i, digits));

@@ -24,6 +24,8 @@ struct PatternOptions {
       true;            ///< Gray code words of half a fringe, so that a blurred edge cannot tell a wrong fringe; costs one image
   double gamma = 1.0;  ///< of the projector: what it shows is level^gamma; levels are chosen so that light is a cosine
   double contrast = 0.9;  ///< of the fringes, 0..1: at 1 their crests and troughs reach the ends of the grey scale
+  /// The first fringes of each direction, white and black once more at the end: whether anything moved, and the light with it.
+  bool repeat = true;
   /// Relative exposure times of a series for shiny and dark surfaces; every set of fringes is shown once for each.
   std::vector<double> exposures = {1.0};
 
@@ -31,8 +33,8 @@ struct PatternOptions {
   [[nodiscard]] base::Result<> validate() const;
 };
 
-/// The sequence: white and black, the Gray codes and fringes of each direction, white and black once more. Files are named in their
-/// order, "00.png" on. (Decoder does not look at white and black; they are there for markers and for the eye.)
+/// The sequence: white and black (in which markers are found), the Gray codes and fringes of each direction, and then the repeats.
+/// Files are named in their order, "00.png" on.
 base::Result<base::PatternSequence> make_patterns(const PatternOptions& options);
 
 /// The image that the projector shows for a pattern of make_patterns(options), 8 bits.

@@ -1,14 +1,11 @@
 // crosstie detect: images -> marker observations
 
-#include <fmt/core.h>
-
 #include "app/steps.h"
 #include "app/verb.h"
 
 namespace crosstie::app {
 namespace {
 
-using base::ErrorCode;
 using base::Result;
 
 Result<DetectionTask> task_of(const Arguments& arguments) {
@@ -33,13 +30,9 @@ Result<DetectionTask> task_of(const Arguments& arguments) {
   if (!named) return base::fail(std::move(named));
   task.images = std::move(*named);
   if (arguments.has("--ids")) {
-    auto ids = parse_id_ranges(arguments.all("--ids"));
-    if (!ids) return base::fail(ErrorCode::kUsage, "--ids: " + ids.error().message);
-    for (const auto& code : task.family.codes) {
-      if (ids->contains(code.id)) task.options.ids.push_back(code.id);
-    }
-    if (task.options.ids.empty())
-      return base::fail(ErrorCode::kUsage, fmt::format("--ids holds no id of {}", task.family.name));
+    auto ids = ids_in_use(arguments.all("--ids"), task.family);
+    if (!ids) return base::fail(std::move(ids));
+    task.options.ids = *std::move(ids);
   }
   return task;
 }

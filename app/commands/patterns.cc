@@ -63,6 +63,7 @@ Result<scan::PatternOptions> options_of(const Arguments& arguments) {
   options.x = direction != "y";
   options.y = direction != "x";
   options.inverse = !arguments.has("--no-inverse");
+  options.repeat = !arguments.has("--no-repeat");
   options.complementary = !arguments.has("--no-complementary");
   return options;
 }
@@ -105,7 +106,7 @@ Verb patterns_verb() {
       "patterns",
       "make the images that a projector shows for a scan, with their manifest",
       "  $ crosstie patterns --projector 1024x768 --period-px 16 --steps 8 --out patterns\n"
-      "  48 images of 1024 x 768 px\n"
+      "  50 images of 1024 x 768 px\n"
       "  patterns/patterns.json",
       {{"--projector", "WxH", "size of the projector in pixels, such as 1920x1080", true, false},
        {"--period-px", "PX",
@@ -117,6 +118,8 @@ Verb patterns_verb() {
         "x (upright stripes), y (lying) or both (default): two directions test the calibration in every scan", false, false},
        {"--no-inverse", "", "show no Gray code image with bright and dark exchanged", false, false},
        {"--no-complementary", "", "Gray code words of whole fringes: an image less, but blurred edges can tell a wrong fringe",
+        false, false},
+       {"--no-repeat", "", "do not show the first patterns once more at the end, by which movement and changed light are told",
         false, false},
        {"--gamma", "NUMBER", "gamma of the projector, for which levels are corrected (default 1)", false, false},
        {"--contrast", "NUMBER", "of the fringes, 0 to 1 (default 0.9)", false, false},

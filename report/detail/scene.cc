@@ -204,4 +204,22 @@ std::string verification_scene(const base::Verification& verification, double ma
   return scene(points, {}, {}, fmt::format("3D deviation [{}]", unit.name), values, magnification, facing_thinnest(places));
 }
 
+std::string cloud_scene(const std::vector<Eigen::Vector4d>& cloud) {
+  std::vector<double> sigmas;
+  for (const Eigen::Vector4d& point : cloud) sigmas.push_back(point.w());
+  const LengthUnit unit = unit_for_lengths(sigmas);
+  std::vector<std::string> points;
+  std::vector<double> values;
+  for (const Eigen::Vector4d& point : cloud) {
+    if (!point.allFinite()) continue;
+    values.push_back(point.w() * unit.per_mm);
+    points.push_back(
+        fmt::format("{{\"id\":\"\",\"p\":{},\"axes\":[],\"value\":{},\"about\":{},\"seen\":[]}}", triple(point.head<3>()),
+                    number(values.back()),
+                    quoted_list({fmt::format("{} {} {} mm", fixed(point.x(), 2), fixed(point.y(), 2), fixed(point.z(), 2)),
+                                 fmt::format("sigma {} {}", significant(values.back(), 2), unit.name)})));
+  }
+  return scene(points, {}, {}, fmt::format("Sigma [{}]", unit.name), values, 1.0, {Vector3d::UnitZ(), -Vector3d::UnitY()});
+}
+
 }  // namespace crosstie::report::detail

@@ -16,6 +16,9 @@ namespace crosstie::report::detail {
 std::string network_scene(const base::AdjustedNetwork& network, double magnification);
 std::string verification_scene(const base::Verification& verification, double magnification);
 
+/// Points of a scan, x y z and sigma in mm, seen from the camera.
+std::string cloud_scene(const std::vector<Eigen::Vector4d>& points);
+
 /// The three semi-axes (one sigma) of a covariance's ellipsoid as columns; zero where it is not finite.
 Eigen::Matrix3d ellipsoid_axes(const Eigen::Matrix3d& cov);
 

@@ -142,16 +142,20 @@ std::array<const Sample*, kMaxSteps> rows_of(const std::vector<Image>& images, i
   return rows;
 }
 
+/// Every sixteenth number, in no order that the fringes could share.
+bool one_of_16(std::uint32_t number) { return (number * 2654435761U) >> 28U == 0; }
+
 /// Residuals of pixels all over the image.
 template <typename Sample>
 void sample_residuals(const std::vector<Image>& images, const std::vector<double>& shifts, const Solver& solver,
-                      ResidualStatistics& statistics) {
+                      ResidualStatistics& statistics, ImageDrift& drift) {
   const auto width = static_cast<std::size_t>(images.front().width());
   const int height = images.front().height();
   const int every = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(width) * height / kSamplePixels)));
   std::vector<float> turns(width), modulation(width), mean(width), squares(width);
   std::vector<std::uint8_t> clipped(width);
   std::vector<double> levels(images.size()), residuals(images.size());
+  std::uint32_t sample = 0;
   for (int y = 0; y < height; y += every) {
     const auto rows = rows_of<Sample>(images, y);
     solve_fringes(solver.plan(), rows.data(), width,
@@ -167,6 +171,7 @@ void sample_residuals(const std::vector<Image>& images, const std::vector<double
       for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = rows[n][x];
       for (std::size_t n = 0; n < levels.size(); ++n) residuals[n] = solver.residual(levels, n, fit);
       statistics.add(turns[x], length, mean[x], shifts, residuals);
+      if (one_of_16(sample++)) drift.add(turns[x], length, mean[x], residuals);
     }
   }
 }
@@ -209,16 +214,18 @@ Result<FringeSet> solve_set(const std::vector<Image>& images, const std::vector<
   const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   const double white = images.front().white_level();
   Solver solver(shifts, white);
+  ImageDrift drift(shifts);
   if (bytes) {
-    sample_residuals<std::uint8_t>(images, shifts, solver, statistics);
+    sample_residuals<std::uint8_t>(images, shifts, solver, statistics, drift);
   } else {
-    sample_residuals<std::uint16_t>(images, shifts, solver, statistics);
+    sample_residuals<std::uint16_t>(images, shifts, solver, statistics, drift);
   }
   const base::GreyNoise noise = options.noise.value_or(statistics.noise());
   solver.set_margins(std::max(1.0, kMarginSigmas * std::sqrt(noise.variance(0.0))),
                      kMarginSigmas * std::sqrt(noise.variance(white)));
 
   FringeSet set;
+  set.drift = drift.estimate();
   set.steps = static_cast<int>(images.size());
   set.exposure = exposure;
   set.gain = solver.gain();

@@ -7,6 +7,7 @@
 #include "base/image.h"
 #include "base/progress.h"
 #include "base/result.h"
+#include "scan/detail/image_drift.h"
 #include "scan/detail/noise.h"
 
 namespace crosstie::scan::detail {
@@ -22,6 +23,7 @@ struct FringeSet {
   std::vector<float> squares;      ///< of the residuals, over their degrees of freedom; 0 where there are none
   std::vector<float> gains;        ///< as `gain`, of each pixel; empty where no sample of any pixel was cut off
   std::vector<std::uint8_t> used;  ///< samples that were not cut off
+  ImageDrift::Estimate drift;      ///< of each image, from a sample of the pixels
 
   [[nodiscard]] float gain_at(std::size_t pixel) const { return gains.empty() ? static_cast<float>(gain) : gains[pixel]; }
 };

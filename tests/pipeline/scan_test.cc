@@ -146,6 +146,58 @@ TEST(RealScan, CoarseAndFineAgree) {
   }
 }
 
+/// Points that stand apart from every neighbour within two pixels by more than `gap_mm`, and those in patches of fewer than `least` that
+/// do: a fringe that was told wrongly moves a point, or a patch, by far more than its surface's slope.
+std::size_t apart(const std::vector<double>& depth, int width, double gap_mm, std::size_t least) {
+  const int height = static_cast<int>(depth.size()) / width;
+  std::vector<int> patch(depth.size(), -1);
+  std::size_t found = 0;
+  std::vector<std::size_t> stack;
+  for (std::size_t start = 0; start < depth.size(); ++start) {
+    if (std::isnan(depth[start]) || patch[start] >= 0) continue;
+    std::size_t size = 0;
+    stack = {start};
+    patch[start] = 0;
+    while (!stack.empty()) {
+      const std::size_t at = stack.back();
+      stack.pop_back();
+      ++size;
+      const int x = static_cast<int>(at) % width;
+      const int y = static_cast<int>(at) / width;
+      for (int dy = -2; dy <= 2; ++dy) {
+        for (int dx = -2; dx <= 2; ++dx) {
+          if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height) continue;
+          const auto next = static_cast<std::size_t>((y + dy) * width + x + dx);
+          if (std::isnan(depth[next]) || patch[next] >= 0 || std::abs(depth[next] - depth[at]) > gap_mm) continue;
+          patch[next] = 0;
+          stack.push_back(next);
+        }
+      }
+    }
+    if (size < least) found += size;
+  }
+  return found;
+}
+
+TEST(RealScan, PlasterHeadIsMatchedWithOurOwnCalibration) {
+  const fs::path data = tests::measured_data("plaster-head");
+  if (data.empty()) GTEST_SKIP() << "no plaster-head in CROSSTIE_DATA";
+  const tests::TemporaryFolder work;
+  const auto calibrated = run_program({"calibrate", "--images", "left=" + (data / "board" / "Left_*.jpg").string(), "--images",
+                                       "right=" + (data / "board" / "Right_*.jpg").string(), "--pattern", "11x8", "--pitch-mm",
+                                       "19", "--detector", "classic", "--no-validation", "--out", (work / "head").string()});
+  ASSERT_LE(calibrated.exit_code, 1) << calibrated.err;
+  const auto run = run_program({"scan", "--rig", (work / "head").string(), "--left", (data / "scan").string(), "--right",
+                                (data / "scan").string(), "--manifest", (kManifests / "plaster-head.json").string(), "--out",
+                                (work / "cloud").string(), "--guard-px", "0"});
+  ASSERT_LE(run.exit_code, 1) << run.err;
+  const auto result = base::read_json(work / "cloud" / "result.json");
+  ASSERT_TRUE(result);
+  const auto masked = [&](const char* why) { return (*result)["masked"][why].get<std::size_t>(); };
+  const auto points = (*result)["points"].get<std::size_t>();
+  EXPECT_GE(points + masked("grazing") + masked("off_surface"), 490000U);
+}
+
 TEST(RealScan, WrongCapturesAreRefusedByName) {
   const fs::path data = tests::measured_data("stereo-scan");
   if (data.empty()) GTEST_SKIP() << "no stereo-scan in CROSSTIE_DATA";

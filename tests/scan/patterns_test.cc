@@ -21,6 +21,7 @@ double largest_error(const PatternOptions& options) {
   how.noise = base::GreyNoise{0.3, 0.0};  // of rounding to whole levels, twice
   how.correct_ripple = false;
   how.max_residual_ratio = 0.0;
+  how.max_movement_px = 0.0;  // rounding is no noise
   auto decoder = Decoder::make(*sequence, options.width_px, options.height_px, how);
   for (std::size_t i = 0; i < sequence->patterns.size(); ++i) {
     base::Image image = render_pattern(options, *sequence, sequence->patterns[i]);
@@ -93,8 +94,8 @@ TEST(Patterns, ManifestReadsBack) {
   options.exposures = {1.0, 4.0};
   const auto sequence = make_patterns(options);
   ASSERT_TRUE(sequence);
-  // white and black twice; x: 32 fringes, 64 words; y: 24 fringes, 48 words; each bit with its inverse; 8 steps at two exposures
-  EXPECT_EQ(sequence->patterns.size(), 4U + 2 * 6 + 16 + 2 * 6 + 16);
+  // white, black and the first fringes twice; x: 32 fringes, 64 words; y: 24 fringes, 48 words; each bit with its inverse; 8 steps at two exposures
+  EXPECT_EQ(sequence->patterns.size(), 6U + 2 * 6 + 16 + 2 * 6 + 16);
   const tests::TemporaryFolder folder;
   ASSERT_TRUE(base::write_pattern_manifest(folder / "patterns.json", *sequence));
   const auto again = base::read_pattern_manifest(folder / "patterns.json");
@@ -109,6 +110,7 @@ TEST(Patterns, ManifestReadsBack) {
     EXPECT_EQ(a.shift, b.shift);
     EXPECT_EQ(a.exposure, b.exposure);
     EXPECT_EQ(a.files, b.files);
+    EXPECT_EQ(a.repeat, b.repeat);
   }
   EXPECT_EQ(again->x.fringes, sequence->x.fringes);
   EXPECT_EQ(again->y.gray_bits, 6);

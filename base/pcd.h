@@ -1,0 +1,14 @@
+#pragma once
+
+#include <filesystem>
+
+#include "base/cloud.h"
+#include "base/result.h"
+
+namespace crosstie::base {
+
+/// Writes a binary PCD file of version 0.7, atomically: x y z, normal_x normal_y normal_z, cov_xx ... cov_zz and each field under its
+/// own name, all 4-byte floats as the Point Cloud Library reads them (near 1 m: to 1e-4 mm); comments state unit and frame.
+Result<> write_pcd(const std::filesystem::path& path, const Cloud& cloud);
+
+}  // namespace crosstie::base
