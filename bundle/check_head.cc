@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "bundle/detail/circle_of_pair.h"
 #include "bundle/detail/rig_check.h"
 #include "math/distributions.h"
 
@@ -42,6 +43,7 @@ struct Ray {
   Index marker = 0;  ///< index into Commissioning::markers
   Vector2d px;
   Eigen::Matrix2d cov;
+  Eigen::Matrix2d shape_px2;  ///< see detail::shape_of
 };
 
 /// Where things stand in Commissioning::covariance.
@@ -123,6 +125,7 @@ class Check {
 
  private:
   void collect(const base::ImageObservations& image, int camera);
+  void reduce_centres();
   Result<> against_cross();
   void conclude();
   [[nodiscard]] bool linearise(const Pose& machine_from_rig, const Pose& right_from_left, Linear& linear) const;
@@ -152,7 +155,35 @@ void Check::collect(const base::ImageObservations& image, int camera) {
     if (marker == known_.markers.end()) continue;
     Eigen::Matrix2d cov = seen.cov_px2 * (known_.image_sigma_factor * known_.image_sigma_factor);
     if (!cov.allFinite() || !(cov.trace() > 0.0)) cov = Eigen::Matrix2d::Identity() * (known_.sigma0_px * known_.sigma0_px);
-    rays_.push_back({camera, static_cast<Index>(marker - known_.markers.begin()), seen.centre_px, cov});
+    rays_.push_back({camera, static_cast<Index>(marker - known_.markers.begin()), seen.centre_px, cov, detail::shape_of(seen)});
+  }
+}
+
+/// The ellipses' centres become images of the circles' centres, as in the commissioning. A dot that one camera sees is explained by two
+/// normals: its eccentricity is not known then, and is counted as noise.
+void Check::reduce_centres() {
+  const Pose rig_from_cross = predicted_.machine_from_rig.inverse() * known_.machine_from_cross;
+  for (std::size_t m = 0; m < known_.markers.size(); ++m) {
+    std::vector<detail::CircleView> views;
+    std::vector<Ray*> seen;
+    for (Ray& ray : rays_) {
+      if (ray.marker != static_cast<Index>(m) || !(ray.shape_px2.trace() > 0.0)) continue;
+      const base::Camera& camera = ray.camera == 1 ? known_.head.right : known_.head.left;
+      views.push_back({camera.model(), camera.parameters().data(),
+                       ray.camera == 1 ? known_.head.right_from_left * rig_from_cross : rig_from_cross, ray.shape_px2});
+      seen.push_back(&ray);
+    }
+    if (views.empty()) continue;
+    const auto circle = detail::circle_of_pair(views, known_.markers[m].xyz_mm);
+    for (std::size_t i = 0; i < views.size() && circle; ++i) {
+      const auto offset = detail::eccentricity_px(views[i], known_.markers[m].xyz_mm, *circle);
+      if (!offset) continue;
+      if (views.size() > 1) {
+        seen[i]->px -= *offset;
+      } else {
+        seen[i]->cov += *offset * offset->transpose();
+      }
+    }
   }
 }
 
@@ -309,7 +340,15 @@ std::vector<detail::CommonMarker> Check::common() const {
   for (const auto& [id, left] : usable(input_.left)) {
     const auto other = right.find(id);
     if (left == nullptr || other == right.end() || other->second == nullptr) continue;
-    markers.push_back({id, left->centre_px, other->second->centre_px, covariance(*left), covariance(*other->second)});
+    detail::CommonMarker& marker = markers.emplace_back();
+    marker.id = id;
+    marker.left_px = left->centre_px;
+    marker.right_px = other->second->centre_px;
+    marker.left_cov = covariance(*left);
+    marker.right_cov = covariance(*other->second);
+    marker.left_shape_px2 = detail::shape_of(*left);
+    marker.right_shape_px2 = detail::shape_of(*other->second);
+    detail::reduce_to_circle_centres(known_.head, marker);
   }
   return markers;
 }
@@ -433,6 +472,7 @@ Result<HeadCheck> Check::run() {
   check_.level = options_.significance;
   collect(input_.left, 0);
   collect(input_.right, 1);
+  reduce_centres();
   const std::vector<detail::CommonMarker> seen_by_both = common();
   check_.common_markers = static_cast<int>(seen_by_both.size());
   const bool cross_in_view = static_cast<int>(rays_.size()) >= kLeastMarkers;

@@ -52,6 +52,16 @@ double squared_distance(const HeadGeometry& head, const Pose& rig_from_cross, co
 struct Found {
   std::optional<Pose> cross_from_rig;
   int inliers = 0;
+  int inliers_of[2] = {0, 0};  ///< by camera
+  int rays_of[2] = {0, 0};
+
+  /// Most of the rays of either camera: a pose that suits one of the two alone explains half of all.
+  [[nodiscard]] bool explains() const {
+    for (const int camera : {0, 1}) {
+      if (rays_of[camera] >= kLeastRays && 2 * inliers_of[camera] < rays_of[camera]) return false;
+    }
+    return inliers >= kLeastRays && 2 * inliers >= rays_of[0] + rays_of[1];
+  }
 };
 
 /// Least squares of the pose on those within the tolerance, with a robust loss.
@@ -132,11 +142,14 @@ Found find_pose(const HeadGeometry& head, const std::vector<Sighting>& sightings
   if (!best) return {};
   const Pose cross_from_rig = refined(head, sightings, *best, tolerance_px);
   const Pose rig_from_cross = cross_from_rig.inverse();
-  int inliers = 0;
+  Found found{.cross_from_rig = cross_from_rig};
   for (const Sighting& sighting : sightings) {
-    inliers += squared_distance(head, rig_from_cross, sighting) < tolerance_px * tolerance_px ? 1 : 0;
+    const int in = squared_distance(head, rig_from_cross, sighting) < tolerance_px * tolerance_px ? 1 : 0;
+    ++found.rays_of[sighting.camera];
+    found.inliers_of[sighting.camera] += in;
+    found.inliers += in;
   }
-  return {cross_from_rig, inliers};
+  return found;
 }
 
 Result<> add_image(const CommissionInput& input, const std::string& name, int station, int camera,
@@ -252,9 +265,9 @@ Result<> orient_stations(const CommissionInput& input, const CommissionOptions& 
     const int count = static_cast<int>(rays.size());
     if (count < kLeastRays) {
       station.reason = fmt::format("only {} images of markers of the cross are seen, {} are needed", count, kLeastRays);
-    } else if (found.inliers < kLeastRays || 2 * found.inliers < count) {
+    } else if (!found.explains()) {
       const Found other = find_pose(head, swapped, options.tolerance_px, kSeed + k);
-      if (2 * other.inliers > count && other.inliers > found.inliers) {
+      if (other.explains() && other.inliers > found.inliers) {
         return fail(
             ErrorCode::kBadInput,
             fmt::format("station {}: its left and right photographs are swapped ({} of {} markers agree when they change "

@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
+#include "bundle/detail/circle_of_pair.h"
 #include "math/distributions.h"
 
 namespace crosstie::bundle::detail {
@@ -96,6 +97,27 @@ base::Vector6d typical_change() {
 }
 
 }  // namespace
+
+void reduce_to_circle_centres(const base::Head& head, CommonMarker& marker) {
+  if (!(marker.left_shape_px2.trace() > 0.0) || !(marker.right_shape_px2.trace() > 0.0)) return;
+  const auto left = head.left.unproject(marker.left_px);
+  const auto right = head.right.unproject(marker.right_px);
+  if (!left || !right) return;
+  const Vector3d ray = *left / left->z();
+  const auto depth_mm = depth_of(head, ray, *right);
+  if (!depth_mm) return;
+  const Vector3d p_in_rig = *depth_mm * ray;
+  const std::array<CircleView, 2> views = {
+      CircleView{head.left.model(), head.left.parameters().data(), base::Pose{}, marker.left_shape_px2},
+      CircleView{head.right.model(), head.right.parameters().data(), head.right_from_left, marker.right_shape_px2}};
+  const auto circle = circle_of_pair(views, p_in_rig);
+  if (!circle) return;
+  const auto of_left = eccentricity_px(views[0], p_in_rig, *circle);
+  const auto of_right = eccentricity_px(views[1], p_in_rig, *circle);
+  if (!of_left || !of_right) return;
+  marker.left_px -= *of_left;
+  marker.right_px -= *of_right;
+}
 
 Epipolar epipolar_of(const base::Head& head, const MatrixXd& head_cov, const std::vector<CommonMarker>& markers) {
   std::vector<Row> rows;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <string>
+#include <array>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,7 +16,12 @@ struct CommonMarker {
   Eigen::Vector2d right_px;
   Eigen::Matrix2d left_cov;
   Eigen::Matrix2d right_cov;
+  Eigen::Matrix2d left_shape_px2 = Eigen::Matrix2d::Zero();  ///< of its ellipses, see shape_of(); zero: it is a point
+  Eigen::Matrix2d right_shape_px2 = Eigen::Matrix2d::Zero();
 };
+
+/// From the centres of its ellipses to the images of its circle's centre, where the ellipses show a circle.
+void reduce_to_circle_centres(const base::Head& head, CommonMarker& marker);
 
 /// Distances of the right images from the epipolar curves of the left ones [px], linear in a change of right_from_left (left
 /// perturbation, rad and mm): residual = by_rig * change + noise of covariance `cov`. The noise is that of the image points and of lenses

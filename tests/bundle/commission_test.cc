@@ -106,7 +106,7 @@ TEST(Commission, TheSigmasOfHeadRigAndCrossAreTrue) {
   for (const int pairs : {1, 2}) {
     tests::HeadPlan plan;
     plan.pairs = pairs;
-    const Statistics all = run(plan, tests::seeds(pairs == 1 ? 60 : 20), 1);
+    const Statistics all = run(plan, tests::seeds(pairs == 1 ? 40 : 10), 1);
     print(pairs == 1 ? "one pair a stop" : "two pairs a stop", all);
     for (const double sum : all.square) expect_chi_square(sum, 6.0 * all.runs, "machine_from_rig");
     expect_chi_square(all.rig_square, 6.0 * all.runs, "right_from_left");
@@ -116,15 +116,15 @@ TEST(Commission, TheSigmasOfHeadRigAndCrossAreTrue) {
 }
 
 TEST(Commission, FindsErrorMotionsThatAreThere) {
-  const int seeds = tests::seeds(30);
+  const int seeds = tests::seeds(20);
   const int least = static_cast<int>(std::ceil(0.95 * seeds));
   tests::HeadPlan plan;
   plan.pitch_rad = 100e-6;  // 50 urad times t: +-50 urad about the middle
-  // One pair a stop: no estimator finds it in 95 %, since the image points hold no more than a sigma of 10.2 urad
+  // One pair a stop: no estimator finds it in 95 %, since the image points hold no more than a sigma of 10.7 urad
   // (commission_information_test.cc), and 50 urad is 3.29 + 1.645 sigmas at 10.1. What is found is what that sigma predicts.
   const Statistics one = run(plan, seeds, 1000);
   print("pitch, one pair a stop", one);
-  EXPECT_NEAR(1e6 * one.pitch_sigma / one.runs, 10.4, 0.3);
+  EXPECT_NEAR(1e6 * one.pitch_sigma / one.runs, 10.8, 0.3);
   const double power = one.pitch_power / one.runs;
   EXPECT_NEAR(one.pitch_found, power * seeds, 3.3 * std::sqrt(power * (1.0 - power) * seeds) + 0.5);
   // Two pairs at each stop, as commissioning asks for: the image noise averages.
