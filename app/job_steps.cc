@@ -7,8 +7,10 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include "app/job_scan.h"
 #include "app/steps_calibrate.h"
 #include "app/steps_commission.h"
+#include "base/pattern_sequence.h"
 
 namespace crosstie::app {
 namespace {
@@ -130,6 +132,53 @@ JobStep commission() {
           }};
 }
 
+Result<Files> fringe_images(const Job& job) {
+  Files files;
+  for (const JobStation& station : job.stations) {
+    if (!station.scan) continue;
+    files.push_back(job.resolve(station.scan->manifest));
+    const auto sequence = base::read_pattern_manifest(files.back());
+    if (!sequence) return tl::unexpected(sequence.error());
+    for (const base::Pattern& pattern : sequence->patterns) {
+      files.push_back(job.resolve(station.scan->left / pattern.files[0]));
+      files.push_back(job.resolve(station.scan->right / pattern.files[1]));
+    }
+  }
+  return files;
+}
+
+/// The fringe images of every station that has some, each with a folder of its own in the result's.
+JobStep scan() {
+  return {"scan",
+          "scan",
+          [](const Job& job) {
+            return std::any_of(job.stations.begin(), job.stations.end(),
+                               [](const JobStation& one) { return one.scan.has_value(); });
+          },
+          [](const Job& job) {
+            if (job.cross) return Names{"commission"};
+            return is_calibrated_here(job) ? Names{"calibrate"} : Names{};
+          },
+          nothing_to_check,
+          fringe_images,
+          [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
+            const auto head = scan_head(at.job, at.results, at.session);
+            if (!head) return tl::unexpected(head.error());
+            const auto scans = station_scans(at.job, head->string(), std::nullopt, out);
+            if (!scans) return tl::unexpected(scans.error());
+            bool current = true;
+            std::string summary;
+            const auto tell = [&](const std::string& what, const StepOutcome& step) {
+              current = current && step.current;
+              at.session.print((step.folder / "report.html").string());
+              summary += fmt::format("{}{}: {}", summary.empty() ? "" : "; ", what.substr(what.find(' ') + 1), step.summary);
+            };
+            const auto outcome = scan_stations(*scans, tell, at.session);
+            if (!outcome) return tl::unexpected(outcome.error());
+            return StepOutcome{out, summary, current, *outcome};
+          }};
+}
+
 JobStep verify() {
   return {"verify",
           "verify",
@@ -153,6 +202,7 @@ const std::vector<JobStep>& job_steps() {
       adjust(),      // image points            -> coordinates
       stations(),    // photographs of the cross by the head -> image points
       commission(),  // lenses, rig, cross, spheres, image points -> the head in the machine's frame
+      scan(),        // fringe images of the stations, the head -> clouds
       verify(),      // coordinates, reference  -> deviations
   };
   return table;

@@ -21,7 +21,7 @@ Result<std::vector<const JobStep*>> chosen_steps(const Job& job, const Arguments
   if (steps.empty()) {
     return base::fail(ErrorCode::kBadInput,
                       fmt::format("{}: the job asks for nothing: it has no [board] with cameras to calibrate, no [network] of "
-                                  "photographs and no [cross] that a head sees",
+                                  "photographs, no [cross] that a head sees and no [[station]] with a scan",
                                   job.file.string()));
   }
   return steps;
@@ -47,7 +47,8 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto tell = [&](const JobStep& step, const StepOutcome& done) {
     const bool failed = done.outcome == Outcome::kVerdictFailed;
     session.say(fmt::format("{:<{}}  {}{}", step.name, width, done.summary, failed ? "  (a verdict FAILs)" : ""));
-    session.print((done.folder / "report.html").string());
+    std::error_code ignored;  // the scans' reports stand in a folder of each station and were told already
+    if (std::filesystem::exists(done.folder / "report.html", ignored)) session.print((done.folder / "report.html").string());
     if (failed) outcome = Outcome::kVerdictFailed;
   };
   const auto out = arguments.get("--out");

@@ -198,6 +198,11 @@ TEST(ScanJob, StationsAreScannedWithTheJobsHeadAndMarkers) {
   capture(job / "x0850", scene, scene, 0, sequence_of(true), 2);
   EXPECT_THAT(run_program({"scan", job.string()}).err, HasSubstr("points"));
 
+  const auto all = run_program({"run", job.string()});
+  EXPECT_EQ(all.exit_code, 0) << all.err;
+  EXPECT_THAT(all.err, HasSubstr("x0850: up to date"));
+  EXPECT_THAT(all.out, HasSubstr("x0850/report.html"));
+
   EXPECT_EQ(run_program({"scan", job.string(), "--station", "x0950"}).exit_code, 2);
   const auto none = run_program({"scan", job.string(), "--station", "x0900"});
   EXPECT_EQ(none.exit_code, 3);
