@@ -29,7 +29,9 @@ inline base::CalibrationQuality synthetic_quality(const base::Calibration& calib
   base::CalibrationMaps maps;
   maps.distance_mm = 480.0;
   maps.cameras = {rising_sigmas(0.02), rising_sigmas(0.03)};
-  base::TriangulationSigmas points{.grid = maps.cameras[0].grid, .distance_mm = 480.0};
+  base::TriangulationSigmas points;
+  points.grid = maps.cameras[0].grid;
+  points.distance_mm = 480.0;
   points.sigma_depth_mm = 4.0 * maps.cameras[0].sigma_mm;
   points.sigma_across_mm = maps.cameras[0].sigma_mm;
   points.sigma_mm = points.sigma_depth_mm;
