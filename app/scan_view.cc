@@ -142,6 +142,15 @@ std::vector<base::Warning> warnings_of(const base::ScanSummary& summary, const S
   return warnings;
 }
 
+base::ScannedEdges describe(const base::EdgePixels& edges) {
+  const auto counts = edges.counts();
+  std::vector<double> sigmas;
+  for (const base::EdgePixel& pixel : edges.pixels) {
+    if (pixel.kind == base::EdgeClass::kMaterial) sigmas.push_back(pixel.sigma_px);
+  }
+  return {counts[0], counts[1], counts[2], edges.blur_px, edges.piece_px, quantile(std::move(sigmas), 0.5)};
+}
+
 }  // namespace
 
 base::ScanSummary summarise(const ScanTask& task, const base::Head& head, const ScanParts& parts) {
@@ -155,6 +164,7 @@ base::ScanSummary summarise(const ScanTask& task, const base::Head& head, const 
   summary.head_test = parts.head_test;
   summary.both_axes = !depths.epipolar_px.empty();
   summary.cameras = {describe(head.left_name, maps[0]), describe(head.right_name, maps[1])};
+  for (std::size_t camera = 0; camera < parts.edges.size(); ++camera) summary.edges[camera] = describe(parts.edges[camera]);
   summary.points = static_cast<std::int64_t>(cloud.cloud.points.size());
   summary.guarded = depths.guarded;
   summary.unmatched = depths.unmatched;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "app/steps_scan.h"
+#include "base/edge_pixels.h"
 #include "base/machine.h"
 #include "base/observation.h"
 #include "base/scan_summary.h"
@@ -20,6 +21,7 @@ struct ScanParts {
   std::array<base::ImageObservations, 2> observations;
   std::int64_t on_markers = 0;
   std::vector<base::ScannedMarker> markers;
+  std::vector<base::EdgePixels> edges;  ///< left, right
 };
 
 base::ScanSummary summarise(const ScanTask& task, const base::Head& head, const ScanParts& parts);

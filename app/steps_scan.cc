@@ -14,6 +14,7 @@
 #include "app/current.h"
 #include "app/head_files.h"
 #include "app/result_folder.h"
+#include "app/scan_edges.h"
 #include "app/scan_head.h"
 #include "app/scan_markers.h"
 #include "app/scan_view.h"
@@ -60,6 +61,10 @@ ordered_json effective_options(const ScanTask& task) {
       {"max_grazing_rad", task.cloud.max_grazing_rad},
       {"max_surface_sigmas", task.cloud.max_surface_sigmas},
       {"filter_radius_px", task.cloud.filter_radius_px},
+      {"edge_half_piece_px", task.edges.half_piece_px},
+      {"edge_reach_px", task.edges.reach_px},
+      {"edge_min_step_sigmas", task.edges.min_step_sigmas},
+      {"edge_min_paint_step", task.edges.min_paint_step},
       {"write_covariance", task.write_covariance},
       {"write_pcd", task.write_pcd},
   };
@@ -237,6 +242,9 @@ Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session
   if (task.markers) {
     if (auto done = look_for_markers(task, head->head, for_markers, parts, session); !done) return base::fail(std::move(done));
   }
+  auto edges = scan_edges(task, *sequence, head->head, parts, progress);
+  if (!edges) return base::fail(std::move(edges));
+  parts.edges = *std::move(edges);
   const base::ScanSummary summary = summarise(task, head->head, parts);
 
   base::ResultEnvelope envelope{"scan", "rig", *inputs, {}, summary.warnings};
@@ -260,6 +268,8 @@ Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session
       base::write_depth_tiff(folder->path() / "depth.tiff", parts.depths.width, parts.depths.height, parts.cloud.depth_mm);
   if (!written) return base::fail(std::move(written));
   if (auto done = write_markers(parts, folder->path()); !done) return base::fail(std::move(done));
+  if (auto done = base::write_edge_pixels(folder->path() / "edge_pixels.csv", parts.edges); !done)
+    return base::fail(std::move(done));
   const std::string html = report::scan_report(summary, {"Scan", task.title, envelope, options.dump(2)});
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   return StepOutcome{out, said(summary), false, outcome_of(result)};

@@ -11,6 +11,7 @@
 #include "markers/family.h"
 #include "scan/cloud.h"
 #include "scan/decode.h"
+#include "scan/edge_pixels.h"
 #include "scan/match.h"
 
 namespace crosstie::app {
@@ -33,6 +34,7 @@ struct ScanTask {
   scan::DecodeOptions decode;
   scan::MatchOptions match;
   scan::CloudOptions cloud;
+  scan::EdgeOptions edges;
   std::optional<ScanMarkers> markers;                      ///< nothing: there are none, or nobody wants them
   std::array<std::optional<double>, 2> white_levels = {};  ///< of saturated pixels, where not the file format's
   /// [px] What images of the same may lie off the epipolar curves before the calibration is refused; 0: any. Nothing: see

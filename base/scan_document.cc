@@ -74,6 +74,11 @@ Json marker_json(const ScannedMarker& marker) {
   return json;
 }
 
+Json edges_json(const ScannedCamera& camera, const ScannedEdges& edges) {
+  return {{"camera", camera.name},      {"material", edges.material}, {"shadow", edges.shadow},    {"paint", edges.paint},
+          {"sigma_px", edges.sigma_px}, {"blur_px", edges.blur_px},   {"piece_px", edges.piece_px}};
+}
+
 }  // namespace
 
 Json scan_json(const ScanSummary& scan) {
@@ -98,6 +103,8 @@ Json scan_json(const ScanSummary& scan) {
   json["markers"] = Json::array();
   for (const ScannedMarker& marker : scan.markers) json["markers"].push_back(marker_json(marker));
   json["cameras"] = {camera_json(scan.cameras[0]), camera_json(scan.cameras[1])};
+  json["image_px"] = {scan.width, scan.height};
+  json["edges"] = {edges_json(scan.cameras[0], scan.edges[0]), edges_json(scan.cameras[1], scan.edges[1])};
   return json;
 }
 

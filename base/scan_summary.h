@@ -65,6 +65,16 @@ struct HeadTest {
   [[nodiscard]] bool done() const { return !source.empty(); }
 };
 
+/// The edges of one camera's image, by class (base/edge_pixels.h).
+struct ScannedEdges {
+  std::int64_t material = 0;
+  std::int64_t shadow = 0;
+  std::int64_t paint = 0;
+  double blur_px = 0.0;   ///< sigma of the point spread, as found
+  double piece_px = 0.0;  ///< length of the piece of edge that tells one position
+  double sigma_px = 0.0;  ///< median, across material edges
+};
+
 /// What a scan of one station found, without its points.
 struct ScanSummary {
   std::string name;  ///< of the station; may be empty
@@ -72,6 +82,7 @@ struct ScanSummary {
   int height = 0;
   bool both_axes = false;
   std::array<ScannedCamera, 2> cameras;
+  std::array<ScannedEdges, 2> edges;
   std::int64_t points = 0;
   std::int64_t guarded = 0;    ///< pixels beside the end of a surface
   std::int64_t unmatched = 0;  ///< pixels that the other camera does not see

@@ -197,6 +197,30 @@ std::string head_table(const ScanSummary& scan) {
          table.html();
 }
 
+std::string edge_table(const ScanSummary& scan) {
+  detail::HtmlTable table(
+      "Edges in the images, by what the phases beside them say. A position is known across its edge; those of one piece of "
+      "edge share pixels.",
+      {{"Camera", "", "", false},
+       {"Material", "", "the surface ends or bends away"},
+       {"Shadow", "", "the projector's light ends, nearer material casts the shadow"},
+       {"Paint", "", "phases go on: only the brightness steps"},
+       {"Sigma across", "px", "median of the material edges"},
+       {"Point spread", "px", "sigma, as found at the sharpest steps"},
+       {"Piece", "px", "length of edge that tells one position"}});
+  for (std::size_t i = 0; i < scan.cameras.size(); ++i) {
+    const base::ScannedEdges& edges = scan.edges[i];
+    table.add_row({text_cell(scan.cameras[i].name),
+                   number_cell(detail::counted(edges.material), static_cast<double>(edges.material)),
+                   number_cell(detail::counted(edges.shadow), static_cast<double>(edges.shadow)),
+                   number_cell(detail::counted(edges.paint), static_cast<double>(edges.paint)),
+                   number_cell(detail::fixed(edges.sigma_px, 3), edges.sigma_px),
+                   number_cell(detail::fixed(edges.blur_px, 2), edges.blur_px),
+                   number_cell(detail::fixed(edges.piece_px, 0), edges.piece_px)});
+  }
+  return table.html();
+}
+
 /// Lowest value of the cells that hold one.
 double lowest(const Eigen::MatrixXd& cells) {
   double value = std::numeric_limits<double>::infinity();
@@ -246,6 +270,7 @@ std::string scan_report(const ScanSummary& scan, const ReportContext& context) {
   page.section("pixels", "Pixels", pixel_table(scan));
   if (scan.markers_wanted) page.section("markers", "Markers", marker_table(scan));
   page.section("cameras", "Light, noise and fringes", camera_table(scan));
+  page.section("edges", "Edges", edge_table(scan));
   page.section("stillness", "Movement and light", stillness_table(scan));
   if (scan.head_test.done()) page.section("head", "Test of the calibration", head_table(scan));
   if (scan.epipolar_median_px) {

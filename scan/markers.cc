@@ -13,6 +13,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
+#include "math/head_point.h"
 #include "scan/detail/calibration_part.h"
 #include "scan/detail/marker_surface.h"
 #include "scan/detail/median.h"
@@ -171,7 +172,7 @@ double calibration_off_curve_px(const base::Head& head, const Sight& sight) {
     if (step == 0.0) continue;
     std::array<double, 2> ends = {};
     for (const std::size_t side : {0U, 1U}) {
-      const auto moved = detail::moved_head(head, i, side == 0 ? -step : step);
+      const auto moved = math::moved_head(head, i, side == 0 ? -step : step);
       const auto frame = moved ? detail::rectify(moved->right_from_left) : base::fail(base::ErrorCode::kBadInput, "");
       const auto off = frame ? detail::off_curve(*moved, *frame, sight.pixel[0], none, sight.pixel[1], none) : std::nullopt;
       if (!off) return 0.0;
@@ -264,7 +265,7 @@ base::Result<std::vector<ScannedMarker>> marker_points(const ScanCloud& scan, co
     if (other == rights.end()) continue;
     Sight sight{{seen.centre_px, other->second.centre_px}, {seen.cov_px2.inverse(), other->second.cov_px2.inverse()}};
     if (!sight.weight[0].allFinite() || !sight.weight[1].allFinite()) continue;
-    const auto start = detail::point_of_left_ray(head.left, head.right, head.right_from_left, sight.pixel[0], sight.pixel[1]);
+    const auto start = math::point_of_left_ray(head.left, head.right, head.right_from_left, sight.pixel[0], sight.pixel[1]);
     auto point = start && start->z() > 0.0 ? triangulate(head, sight, *start) : std::nullopt;
     if (!point) continue;
 

@@ -21,7 +21,7 @@ constexpr double kDegree = 0.017453292519943295;
 Result<> read_options(const Arguments& arguments, Session& session, ScanTask& task) {
   task.write_covariance = arguments.has("--covariance");
   task.write_pcd = arguments.has("--pcd");
-  task.decode.threads = task.match.threads = task.cloud.threads = session.threads();
+  task.decode.threads = task.match.threads = task.cloud.threads = task.edges.threads = session.threads();
   struct Number {
     const char* name;
     double* value;
@@ -151,7 +151,7 @@ Verb scan_verb() {
            {"--right", "DIR", "folder of the right camera's images", false, false},
            {"--manifest", "FILE", "which image shows what: patterns.json as patterns writes it", false, false},
            {"--out", "DIR",
-            "folder for cloud.ply, depth.tiff and report; replaced as a whole (of a JOB: for a folder of each station, default "
+            "folder for cloud.ply, depth.tiff, edge_pixels.csv and report; replaced as a whole (of a JOB: for a folder of each station, default "
             "JOB/results/scan)",
             false, false},
            {"--family", "FAMILY", "markers on the wall, such as ring10: they are measured, and the points on them left out",

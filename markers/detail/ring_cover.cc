@@ -5,7 +5,7 @@
 #include <numbers>
 #include <span>
 
-#include "markers/detail/edge_profile.h"
+#include "math/edge_profile.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -47,8 +47,8 @@ class RingImage {
     const Direction& d = directions_[k];
     double set = d.bit;
     const double blurs = d.along * rho;
-    if (d.before != d.bit) set += (d.before - d.bit) * edge_distribution(-d.inside * blurs);
-    if (d.after != d.bit) set += (d.after - d.bit) * edge_distribution((d.inside - 1.0) * blurs);
+    if (d.before != d.bit) set += (d.before - d.bit) * math::edge_distribution(-d.inside * blurs);
+    if (d.after != d.bit) set += (d.after - d.bit) * math::edge_distribution((d.inside - 1.0) * blurs);
     return set == 0.0 ? zeros_ : zeros_ + (d.bright - zeros_) * set * share(k, rho, family_.ring_inner, family_.ring_outer);
   }
 
@@ -58,7 +58,7 @@ class RingImage {
   /// What the blur leaves of a circle from `inner` to `outer` at `rho`.
   [[nodiscard]] double share(std::size_t k, double rho, double inner, double outer) const {
     const double across = directions_[k].across;
-    return edge_distribution((rho - inner) * across) - edge_distribution((rho - outer) * across);
+    return math::edge_distribution((rho - inner) * across) - math::edge_distribution((rho - outer) * across);
   }
 
  private:

@@ -8,7 +8,7 @@
 
 #include "markers/detail/dot_fit.h"
 #include "markers/detail/dot_pixels.h"
-#include "markers/detail/edge_profile.h"
+#include "math/edge_profile.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -71,7 +71,7 @@ std::optional<RingLight> RingLight::of(const Sampler& image, const DotFit& dot, 
 
 double RingLight::bracket(double rho, double gradient) const {
   const double per_blur = 1.0 / (gradient * blur_px_);
-  return edge_distribution((rho - inner_rho_) * per_blur) - edge_distribution((rho - outer_rho_) * per_blur);
+  return math::edge_distribution((rho - inner_rho_) * per_blur) - math::edge_distribution((rho - outer_rho_) * per_blur);
 }
 
 void RingLight::take_off(PixelSet& pixels) const {

@@ -8,8 +8,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "markers/detail/edge_profile.h"
 #include "markers/detail/tag_light.h"
+#include "math/edge_profile.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -85,10 +85,10 @@ void place(const TagPattern& pattern, const TagFrame& frame, const Corners& corn
 double neighbours_light(const Sampler& image, const TagPattern& pattern, const TagFrame& frame, const Edge& edge,
                         const Eigen::Vector2d& pixel, double distance, double contrast) {
   const double blur = edge.state[kBlur];
-  const double step = edge.tone_in + (edge.tone_out - edge.tone_in) * edge_profile(distance / blur).distribution;
+  const double step = edge.tone_in + (edge.tone_out - edge.tone_in) * math::edge_profile(distance / blur).distribution;
   double light = contrast * (blurred_tone(pattern, frame, blur, pixel) - step);
   if (!pattern.layout.white_inside) {
-    const double share = edge_profile((distance - edge.cell_out) / blur).distribution;
+    const double share = math::edge_profile((distance - edge.cell_out) / blur).distribution;
     const Eigen::Vector2d beyond = pixel + (1.5 * edge.cell_out - distance) * edge.outward;
     if (share > 1e-4 && image.inside(beyond.x(), beyond.y())) {
       light += share * (image.bilinear(beyond.x(), beyond.y()) - edge.state[kOut]);
@@ -139,7 +139,7 @@ std::vector<EdgePixel> strip(const Sampler& image, const TagPattern& pattern, co
 template <typename Vector>
 double predicted(const LineState& s, const EdgePixel& pixel, Vector& j) {
   const double t = (pixel.distance - s[kOffset] - s[kTurn] * pixel.along) / s[kBlur];
-  const EdgeProfile profile = edge_profile(t);
+  const math::EdgeProfile profile = math::edge_profile(t);
   const double out = s[kOut] + s[kOutSlope] * pixel.along;
   const double in = s[kIn] + s[kInSlope] * pixel.along;
   const double slope = (out - in) * profile.density / s[kBlur];

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "markers/detail/edge_profile.h"
+#include "math/edge_profile.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -14,7 +14,7 @@ std::array<double, kMostCells> shares(int cells, double at, double blur_cells) {
   std::array<double, kMostCells> share{};
   double before = 0.0;
   for (int i = 0; i < cells; ++i) {
-    const double after = i + 1 == cells ? 1.0 : edge_profile((i + 1 - at) / blur_cells).distribution;
+    const double after = i + 1 == cells ? 1.0 : math::edge_profile((i + 1 - at) / blur_cells).distribution;
     share[static_cast<std::size_t>(i)] = after - before;
     before = after;
   }

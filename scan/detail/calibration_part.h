@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -9,14 +8,6 @@
 #include "scan/match.h"
 
 namespace crosstie::scan::detail {
-
-/// The point of the left pixel's ray that is nearest to the right one's. It may lie behind the camera.
-std::optional<Eigen::Vector3d> point_of_left_ray(const base::Camera& left, const base::Camera& right,
-                                                 const base::Pose& right_from_left, const Eigen::Vector2d& left_px,
-                                                 const Eigen::Vector2d& right_px);
-
-/// The head with one parameter changed, counted as in Head::cov; nothing where the lens model does not take that value.
-std::optional<base::Head> moved_head(const base::Head& head, Eigen::Index parameter, double step);
 
 /// Covariance of a point of the left camera's frame that the head's calibration leaves, where its pixels in both images are given:
 /// J cov J', J by differences over the lenses' parameters and right_from_left. Zero where the head has no covariance.

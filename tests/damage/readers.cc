@@ -8,6 +8,7 @@
 #include "base/camera_file.h"
 #include "base/colmap_model.h"
 #include "base/commissioning_reader.h"
+#include "base/edge_pixels.h"
 #include "base/image.h"
 #include "base/json_file.h"
 #include "base/measured_points.h"
@@ -211,6 +212,11 @@ void add_tables(std::vector<Reader>& all) {
   all.push_back({"probe hits",
                  {"sphere,x_mm,y_mm,z_mm\n17,1.25,2,3\n17,2.25,3,3\n", true, false, "1.25", "17", ""},
                  answer([](const fs::path& p) { return base::read_probe_hits(p); })});
+  const std::string edges =
+      "camera,x_px,y_px,out_x,out_y,sigma_px,noise_px,band_px,step,class\nleft,200.25,7,0.6,-0.8,0.05,0.02,0,-31.5,material\n";
+  all.push_back({"edge pixels", {edges, true, false, "200.25", "", ""}, answer([](const fs::path& p) {
+                   return base::read_edge_pixels(p);
+                 })});
   all.push_back({"observations", {observations, true, false, "200.25", "7", ""}, answer([](const fs::path& p) {
                    return base::read_observations(p);
                  })});

@@ -14,9 +14,9 @@
 #include "markers/detail/blobs.h"
 #include "markers/detail/cover_image.h"
 #include "markers/detail/dot_kernel.h"
-#include "markers/detail/edge_profile.h"
 #include "markers/detail/level_kernels.h"
 #include "markers/detect.h"
+#include "math/edge_profile.h"
 #include "tests/markers/rendered_marker.h"
 
 namespace crosstie::markers {
@@ -395,8 +395,8 @@ TEST_F(Kernels, CentresAreTheSameOnAllInstructionSetsAndInAllRuns) {
 TEST(EdgeProfile, KeepsToTheNormalDistribution) {
   for (double t = -8.5; t < 8.5; t += 0.0037) {
     const double distribution = 0.5 * std::erfc(-t / std::numbers::sqrt2);
-    EXPECT_NEAR(edge_profile(t).distribution, distribution, 1e-9) << t;
-    EXPECT_NEAR(edge_distribution(t), distribution, 1e-5) << t;
+    EXPECT_NEAR(math::edge_profile(t).distribution, distribution, 1e-9) << t;
+    EXPECT_NEAR(math::edge_distribution(t), distribution, 1e-5) << t;
   }
 }
 

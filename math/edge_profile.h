@@ -3,7 +3,7 @@
 #include <array>
 #include <cstddef>
 
-namespace crosstie::markers::detail {
+namespace crosstie::math {
 
 /// The normal distribution function and its density at one place.
 struct EdgeProfile {
@@ -41,4 +41,4 @@ using EdgeTable = std::array<EdgeProfile, 2 * kTableEnd * kNodesPerUnit + 1>;
   return before + (place - k) * (table[static_cast<std::size_t>(k) + 1].distribution - before);
 }
 
-}  // namespace crosstie::markers::detail
+}  // namespace crosstie::math

@@ -1,9 +1,9 @@
-#include "markers/detail/edge_profile.h"
+#include "math/edge_profile.h"
 
 #include <cmath>
 #include <numbers>
 
-namespace crosstie::markers::detail {
+namespace crosstie::math {
 
 const EdgeTable& edge_table() {
   static const EdgeTable table = [] {
@@ -18,4 +18,4 @@ const EdgeTable& edge_table() {
   return table;
 }
 
-}  // namespace crosstie::markers::detail
+}  // namespace crosstie::math

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace crosstie::scan::detail {
+
+inline constexpr std::size_t kMostEdgeImages = 3;
+inline constexpr int kMostSteps = 3;
+
+/// A pixel near an edge: its distance from it and its grey level in each of the edge images.
+struct ProfileSample {
+  double across_px = 0.0;
+  std::array<double, kMostEdgeImages> levels = {};
+};
+
+/// Levels that step at the same places in all edge images, seen through the camera's point spread.
+struct StepProfile {
+  int steps = 0;
+  std::array<double, kMostSteps> at_px = {};                                    ///< ascending
+  std::array<std::array<double, kMostSteps + 1>, kMostEdgeImages> levels = {};  ///< of each image: before, between, beyond
+  Eigen::Matrix3d cov_px2 = Eigen::Matrix3d::Zero();        ///< of the places, as the residuals' scatter says
+  Eigen::Matrix3d noise_cov_px2 = Eigen::Matrix3d::Zero();  ///< the same, as the camera's noise says
+  double band_variance_px2 = 0.0;  ///< of the first place, where the band behind it is too narrow for its extent to be told
+  std::array<double, kMostEdgeImages> rms = {};  ///< of the residuals
+  double log_likelihood = 0.0;                   ///< - n / 2 sum over images of log(mean squared residual)
+  /// Mean square of the images' own shifts of the first step from the common place, over what their residuals let expect; 1 with one image.
+  double disagreement = 1.0;
+};
+
+/// Least squares of
+///     level_i(t) = L_i0 + sum_k (L_ik - L_i,k-1) Phi((t - x_k) / blur_px)
+/// over the pixels themselves (nothing is resampled), the places x_k shared by all images, each image weighted by its residuals: grain of the
+/// surface counts beside the camera's noise. The places are iterated (Gauss-Newton), the levels eliminated. Since the model integrates the
+/// blur, the place is that of the step itself, whatever the levels at its sides: the maximum of the gradient is pulled to neighbouring steps.
+/// `noise_sigma` are the camera's, of each image. `images` are the first so many levels. Steps nearer to each other than the
+/// blur resolves are held at a least distance: a line, whose extent is told no better than that. False where it does not converge.
+bool fit_steps(std::span<const ProfileSample> samples, std::size_t images,
+               const std::array<double, kMostEdgeImages>& noise_sigma, double blur_px, std::span<const double> start_px,
+               StepProfile& profile);
+
+/// Places where the levels change most, strongest first, at most `count`: extrema of the derivative of the averages over strips half a
+/// pixel wide, in [from_px, to_px]. Each is told from the noise of these averages by `least_sigmas`.
+std::vector<double> step_candidates(std::span<const ProfileSample> samples, std::size_t images, double from_px, double to_px,
+                                    std::size_t count, double least_sigmas);
+
+}  // namespace crosstie::scan::detail

@@ -1,0 +1,530 @@
+#include "scan/edge_pixels.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <span>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+
+#include "base/parallel.h"
+#include "scan/detail/edge_class.h"
+#include "scan/detail/edge_piece.h"
+#include "scan/detail/median.h"
+#include "scan/detail/rectified_map.h"
+#include "scan/detail/surface_end.h"
+
+namespace crosstie::scan {
+namespace {
+
+using base::ErrorCode;
+using base::fail;
+using base::Result;
+using detail::EdgeImages;
+using detail::PieceFrame;
+using detail::ProfileSample;
+using detail::StepProfile;
+
+constexpr double kFirstBlur_px = 0.7;  // until the camera's own is found
+constexpr double kLeastBlur_px = 0.3;  // a pixel's own extent
+constexpr double kMostBlur_px = 3.0;
+constexpr std::size_t kBlurSites = 150;
+constexpr std::size_t kLeastBlurs = 5;
+constexpr double kBlurStep = 1.08;
+constexpr double kLeastBlurSigma = 0.01;  // relative: a point spread is no Gaussian curve
+constexpr double kSearchInside_px = 4.5;  // phases reach beyond the surface by the blur, and over a bright lip
+constexpr double kSearchOutside_px = 3.5;
+constexpr double kNeighbours_px = 8.0;  // pieces that tell each other's direction and number of steps
+constexpr int kPaintDistance_px = 6;    // from the end of a surface
+constexpr int kDirectionRounds = 2;
+constexpr std::size_t kSitesPerTask = 256;
+
+/// A place where an edge is looked for, and what was found there.
+struct Site {
+  PieceFrame frame;
+  bool bend = false;
+  bool paint = false;
+  bool lost = false;
+  Eigen::Vector2i pixel = Eigen::Vector2i::Zero();                       ///< at which it began
+  std::array<std::optional<StepProfile>, detail::kMostSteps> fits = {};  ///< with one, two, three steps
+  std::array<double, detail::kMostSteps> criterion = {};                 ///< of the choice between them, smaller is better
+  std::size_t images = 0;
+  std::array<double, detail::kMostEdgeImages> noise = {};
+};
+
+/// The sites of a camera and where they lie.
+struct Sites {
+  std::vector<Site> all;
+  std::vector<std::int32_t> at_pixel;  ///< index of the site that began there, -1: none
+  int width = 0;
+  int height = 0;
+
+  void index() {
+    at_pixel.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), -1);
+    for (std::size_t i = 0; i < all.size(); ++i)
+      at_pixel[pixel_index(all[i].pixel.x(), all[i].pixel.y())] = static_cast<std::int32_t>(i);
+  }
+  [[nodiscard]] std::size_t pixel_index(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+  }
+
+  template <typename Visit>
+  void neighbours(const Site& site, double radius, const Visit& visit) const {
+    const int reach = static_cast<int>(std::ceil(radius)) + 1;
+    const int cx = site.pixel.x();
+    const int cy = site.pixel.y();
+    for (int y = std::max(0, cy - reach); y <= std::min(height - 1, cy + reach); ++y) {
+      for (int x = std::max(0, cx - reach); x <= std::min(width - 1, cx + reach); ++x) {
+        const std::int32_t index = at_pixel[pixel_index(x, y)];
+        if (index < 0) continue;
+        const Site& other = all[static_cast<std::size_t>(index)];
+        if (other.paint != site.paint || other.frame.out.dot(site.frame.out) < 0.7) continue;
+        if ((other.frame.origin_px - site.frame.origin_px).norm() <= radius) visit(other);
+      }
+    }
+  }
+};
+
+/// Strong maxima of the gradient of the mean image, away from the ends of surfaces.
+void add_paint_sites(const base::PhaseMap& map, const EdgeOptions& options, const std::vector<char>& near_end,
+                     std::vector<Site>& sites) {
+  const auto w = static_cast<std::size_t>(map.width);
+  const auto gradient = [&](std::size_t at) -> Eigen::Vector2f {
+    return Eigen::Vector2f(map.light[at + 1] - map.light[at - 1], map.light[at + w] - map.light[at - w]) * 0.5F;
+  };
+  for (int y = 2; y + 2 < map.height; ++y) {
+    for (int x = 2; x + 2 < map.width; ++x) {
+      const std::size_t at = map.at(x, y);
+      if (near_end[at] || map.status[at] != base::PhaseStatus::kValid) continue;
+      const Eigen::Vector2f here = gradient(at);
+      const float strength = here.norm();
+      // A blurred step's largest difference is some 0.4 of its height.
+      if (strength < 0.4F * static_cast<float>(options.min_paint_step) * map.light[at]) continue;
+      const bool flat = std::abs(here.x()) > std::abs(here.y());
+      const std::size_t step = flat ? 1 : w;
+      if (gradient(at - step).norm() > strength || gradient(at + step).norm() >= strength) continue;
+      Site site;
+      site.pixel = {x, y};
+      site.frame.origin_px = Eigen::Vector2d(x, y);
+      site.frame.out = -here.cast<double>().normalized();
+      site.paint = true;
+      sites.push_back(site);
+    }
+  }
+}
+
+Sites find_sites(const EdgeInput& input, const EdgeOptions& options, const EdgeImages& images) {
+  const base::PhaseMap& map = *input.phases;
+  Sites sites;
+  sites.width = map.width;
+  sites.height = map.height;
+  std::vector<char> near_end(map.status.size(), 0);
+  for (const detail::SurfaceEnd& end : detail::surface_ends(map, options.threads)) {
+    Site site;
+    site.pixel = {end.x, end.y};
+    site.frame.origin_px = Eigen::Vector2d(end.x, end.y);
+    site.frame.out = end.out;
+    site.bend = end.bend;
+    if (end.bend && input.depth_mm != nullptr) {
+      const auto slopes = detail::depth_slopes(*input.depth_mm, images, site.frame);
+      if (slopes && std::abs(slopes->before) > std::abs(slopes->beyond)) site.frame.out = -site.frame.out;
+    }
+    sites.all.push_back(site);
+    for (int y = std::max(0, end.y - kPaintDistance_px); y <= std::min(map.height - 1, end.y + kPaintDistance_px); ++y) {
+      for (int x = std::max(0, end.x - kPaintDistance_px); x <= std::min(map.width - 1, end.x + kPaintDistance_px); ++x) {
+        near_end[map.at(x, y)] = 1;
+      }
+    }
+  }
+  add_paint_sites(map, options, near_end, sites.all);
+  sites.index();
+  return sites;
+}
+
+/// Grain is seen through the point spread: that many pixels vary together.
+double grain_area(double blur_px) { return std::max(1.0, 4.0 * std::numbers::pi * blur_px * blur_px); }
+
+/// By how much variances of a fit are larger than independent residuals say.
+double grain_factor(const StepProfile& fit, std::size_t images, const std::array<double, detail::kMostEdgeImages>& noise,
+                    double blur_px) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < images; ++i) {
+    const double all = std::max(fit.rms[i] * fit.rms[i], noise[i] * noise[i]);
+    const double own = noise[i] * noise[i];
+    sum += (own + (all - own) * grain_area(blur_px)) / all;
+  }
+  return sum / static_cast<double>(images);
+}
+
+/// Whether the first step stands out beside the others: a faint one is a stain before the edge.
+bool begins_clearly(const StepProfile& fit, std::size_t images) {
+  constexpr double kShare = 0.1;
+  for (std::size_t image = 0; image < images; ++image) {
+    const auto& levels = fit.levels[image];
+    double largest = 0.0;
+    for (int j = 0; j < fit.steps; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      largest = std::max(largest, std::abs(levels[at + 1] - levels[at]));
+    }
+    if (std::abs(levels[1] - levels[0]) >= kShare * largest) return true;
+  }
+  return false;
+}
+
+/// Fits one, two and three steps.
+void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, double blur_px, std::size_t most,
+              std::vector<ProfileSample>& samples) {
+  site.fits = {};
+  site.images = images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, site.noise);
+  if (site.images == 0) return;
+  const auto candidates =
+      detail::step_candidates(samples, site.images, -kSearchInside_px, kSearchOutside_px, most, options.min_step_sigmas);
+  for (std::size_t k = 1; k <= candidates.size(); ++k) {
+    StepProfile profile;
+    if (!detail::fit_steps(samples, site.images, site.noise, blur_px, std::span(candidates).first(k), profile)) continue;
+    site.fits[k - 1] = profile;
+  }
+  // What the best fit leaves is grain and noise; the same for all, or they could not be compared.
+  double grain = 0.0;
+  for (std::size_t k = 1; k <= site.fits.size(); ++k) {
+    if (!site.fits[k - 1]) continue;
+    const double here = grain_factor(*site.fits[k - 1], site.images, site.noise, blur_px);
+    grain = grain == 0.0 ? here : std::min(grain, here);
+  }
+  for (std::size_t k = 1; k <= site.fits.size(); ++k) {
+    if (!site.fits[k - 1]) continue;
+    if (!begins_clearly(*site.fits[k - 1], site.images)) {
+      site.fits[k - 1].reset();
+      continue;
+    }
+    const double unknowns = static_cast<double>(k + site.images * (k + 1));
+    site.criterion[k - 1] =
+        -2.0 * site.fits[k - 1]->log_likelihood / grain + unknowns * std::log(static_cast<double>(samples.size()) / grain);
+  }
+}
+
+template <typename Work>
+Result<> for_sites(std::vector<Site>& sites, int threads, const char* stage, const base::Progress& progress, const Work& work) {
+  const std::size_t tasks = (sites.size() + kSitesPerTask - 1) / kSitesPerTask;
+  return base::parallel_for(tasks, threads, stage, progress, [&](std::size_t task) -> Result<> {
+    std::vector<ProfileSample> samples;
+    const std::size_t end = std::min(sites.size(), (task + 1) * kSitesPerTask);
+    for (std::size_t i = task * kSitesPerTask; i < end; ++i) work(i, samples);
+    return {};
+  });
+}
+
+/// The camera's point spread, and how well it is known at a place: it varies over image and depth.
+struct Blur {
+  double px = kFirstBlur_px;
+  double relative_sigma = 0.1;
+};
+
+/// The point spread at the clean single steps that stand out most from their residuals.
+Blur find_blur(const Sites& sites, const EdgeImages& images, const EdgeOptions& options) {
+  std::vector<std::pair<double, std::size_t>> clean;
+  for (std::size_t i = 0; i < sites.all.size(); ++i) {
+    const Site& site = sites.all[i];
+    if (!site.fits[0] || site.bend) continue;
+    double strength = 0.0;
+    for (std::size_t image = 0; image < site.images; ++image) {
+      strength = std::max(strength, std::abs(site.fits[0]->levels[image][1] - site.fits[0]->levels[image][0]) /
+                                        std::max(site.fits[0]->rms[image], site.noise[image]));
+    }
+    clean.emplace_back(-strength, i);
+  }
+  std::sort(clean.begin(), clean.end());
+  if (clean.size() > kBlurSites) clean.resize(kBlurSites);
+  std::vector<double> blurs;
+  std::vector<ProfileSample> samples;
+  std::array<double, detail::kMostEdgeImages> noise = {};
+  for (const auto& [order, index] : clean) {
+    const Site& site = sites.all[index];
+    const std::size_t count =
+        images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, noise);
+    const auto candidates = detail::step_candidates(samples, count, -kSearchInside_px, kSearchOutside_px, detail::kMostSteps,
+                                                    options.min_step_sigmas);
+    // With as many steps as it takes: two that are taken for one look blurred.
+    std::vector<double> criteria;
+    for (double blur = kLeastBlur_px; blur < kMostBlur_px; blur *= kBlurStep) {
+      criteria.push_back(std::numeric_limits<double>::infinity());
+      for (std::size_t k = 1; k <= candidates.size(); ++k) {
+        StepProfile profile;
+        if (!detail::fit_steps(samples, count, noise, blur, std::span(candidates).first(k), profile)) continue;
+        if (profile.band_variance_px2 > 0.0) continue;
+        const double criterion = -2.0 * profile.log_likelihood +
+                                 static_cast<double>(k + count * (k + 1)) * std::log(static_cast<double>(samples.size()));
+        criteria.back() = std::min(criteria.back(), criterion);
+      }
+    }
+    const auto least = static_cast<std::size_t>(std::min_element(criteria.begin(), criteria.end()) - criteria.begin());
+    if (least == 0 || least + 1 >= criteria.size() || !std::isfinite(criteria[least])) continue;
+    const double before = criteria[least - 1] - criteria[least];
+    const double beyond = criteria[least + 1] - criteria[least];
+    if (!(std::isfinite(before + beyond) && before + beyond > 0.0)) continue;
+    blurs.push_back(kLeastBlur_px *
+                    std::pow(kBlurStep, static_cast<double>(least) + 0.5 * (before - beyond) / (before + beyond)));
+  }
+  if (blurs.size() < kLeastBlurs) return {};
+  Blur result{detail::median(blurs)};
+  for (double& blur : blurs) blur = std::abs(blur / result.px - 1.0);
+  result.relative_sigma = std::max(kLeastBlurSigma, 1.4826 * detail::median(blurs));
+  return result;
+}
+
+/// Offset, slope and curvature of a line through places (along, across), robust.
+Eigen::Vector3d robust_curve(const std::vector<Eigen::Vector2d>& places) {
+  std::vector<double> weights(places.size(), 1.0);
+  Eigen::Vector3d curve = Eigen::Vector3d::Zero();
+  for (int round = 0; round < 4; ++round) {
+    // Places are good to a tenth of a pixel, curves of less than some 10 px radius are corners: a prior of weight one.
+    Eigen::Matrix3d normal = Eigen::Vector3d(1e-6, 1e-6, 1.0).asDiagonal();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const Eigen::Vector3d row(1.0, places[i].x(), 0.5 * places[i].x() * places[i].x());
+      normal += weights[i] * row * row.transpose();
+      right += weights[i] * places[i].y() * row;
+    }
+    curve = normal.ldlt().solve(right);
+    std::vector<double> off(places.size());
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      off[i] =
+          std::abs(places[i].y() - curve.x() - curve.y() * places[i].x() - 0.5 * curve.z() * places[i].x() * places[i].x());
+    }
+    std::vector<double> sorted = off;
+    const double scale = std::max(0.1, 1.4826 * detail::median(sorted)) * 4.0;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const double ratio = off[i] / scale;
+      weights[i] = ratio < 1.0 ? std::pow(1.0 - ratio * ratio, 2) : 0.0;
+    }
+  }
+  return curve;
+}
+
+/// Direction and curvature of a piece from the strongest steps of its neighbours: a parabola, robust.
+std::optional<PieceFrame> smoothed_frame(const Sites& sites, const Site& site) {
+  constexpr std::size_t kLeast = 6;
+  std::vector<Eigen::Vector2d> places;
+  const Eigen::Vector2d along = site.frame.along();
+  sites.neighbours(site, kNeighbours_px, [&](const Site& other) {
+    if (!other.fits[0]) return;
+    const Eigen::Vector2d d = other.frame.origin_px + other.fits[0]->at_px[0] * other.frame.out - site.frame.origin_px;
+    places.emplace_back(along.dot(d), site.frame.out.dot(d));
+  });
+  if (places.size() < kLeast) return std::nullopt;
+  const Eigen::Vector3d curve = robust_curve(places);
+  PieceFrame frame;
+  frame.origin_px = site.frame.origin_px + curve.x() * site.frame.out;
+  const double cosine = 1.0 / std::sqrt(1.0 + curve.y() * curve.y());
+  frame.out = ((site.frame.out - curve.y() * along) * cosine).normalized();
+  frame.curvature = curve.z() * cosine * cosine * cosine;
+  return frame;
+}
+
+/// The number of steps that a piece and its neighbours agree on; 0: none was found.
+std::size_t steps_of(const Sites& sites, const Site& site) {
+  std::size_t best = site.fits[0] ? 1 : 0;
+  for (std::size_t k = 2; k <= site.fits.size(); ++k) {
+    if (!site.fits[k - 1]) continue;
+    if (best == 0) {
+      best = k;
+      continue;
+    }
+    double difference = 0.0;
+    sites.neighbours(site, kNeighbours_px, [&](const Site& other) {
+      if (other.fits[k - 1] && other.fits[best - 1]) difference += other.criterion[k - 1] - other.criterion[best - 1];
+      if (!other.fits[k - 1] && other.fits[best - 1]) difference += 2.0 * std::log(100.0);
+    });
+    if (difference < 0.0) best = k;
+  }
+  return best;
+}
+
+std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, const EdgeInput& input, const EdgeImages& images,
+                                       const EdgeOptions& options, const Blur& blur, std::vector<ProfileSample>& samples) {
+  const std::size_t steps = steps_of(sites, site);
+  if (steps == 0) return std::nullopt;
+  const StepProfile& fit = *site.fits[steps - 1];
+  base::EdgePixel edge;
+  PieceFrame frame = site.frame;
+  frame.origin_px += fit.at_px[0] * frame.out;
+  edge.at_px = frame.origin_px;
+  edge.out = frame.out;
+  edge.band_px = fit.at_px[steps - 1] - fit.at_px[0];
+  edge.step = fit.levels[0][1] - fit.levels[0][0];
+  const double grain = grain_factor(fit, site.images, site.noise, blur.px);
+  // Steps near each other lean on the point spread.
+  double by_blur = 0.0;
+  if (steps > 1) {
+    std::array<double, detail::kMostEdgeImages> noise = {};
+    const std::size_t count =
+        images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, noise);
+    StepProfile wider;
+    constexpr double kWider = 1.05;
+    const bool fits = detail::fit_steps(samples, count, noise, kWider * blur.px, std::span(fit.at_px).first(steps), wider);
+    by_blur = fits ? (wider.at_px[0] - fit.at_px[0]) / (kWider - 1.0) * blur.relative_sigma : 0.5 * blur.px;
+  }
+  edge.noise_px = std::sqrt(fit.noise_cov_px2(0, 0));
+  edge.sigma_px = std::max(edge.noise_px, std::sqrt(fit.cov_px2(0, 0) * grain * std::max(1.0, fit.disagreement) +
+                                                    fit.band_variance_px2 + by_blur * by_blur));
+  if (!(edge.sigma_px < 1.0) || edge.at_px.minCoeff() < 0.0) return std::nullopt;
+  const auto kind = detail::classify_edge(*input.phases, input.depth_mm, images, frame, edge.band_px);
+  if (!kind) return std::nullopt;
+  edge.kind = *kind;
+  if (site.paint != (edge.kind == base::EdgeClass::kPaint)) {
+    if (site.paint || site.bend) return std::nullopt;
+  }
+  if (edge.kind == base::EdgeClass::kPaint) {
+    const double brighter = std::max(fit.levels[0][0], fit.levels[0][1]);
+    if (std::abs(edge.step) < options.min_paint_step * brighter) return std::nullopt;
+    if (edge.step > 0.0) {
+      edge.out = -edge.out;
+      edge.step = -edge.step;
+    }
+  }
+  return edge;
+}
+
+/// Whether an edge lies off the line of its neighbours by far more than its sigma: it took another step for the first one.
+bool is_stray(const Sites& sites, const std::vector<std::optional<base::EdgePixel>>& edges, std::size_t at) {
+  constexpr std::size_t kLeast = 6;
+  constexpr double kSigmas = 4.0;
+  constexpr double kSlack_px = 0.25;  // rims are no parabolas
+  const base::EdgePixel& own = *edges[at];
+  const Eigen::Vector2d along(-own.out.y(), own.out.x());
+  std::vector<Eigen::Vector2d> places;
+  sites.neighbours(sites.all[at], kNeighbours_px, [&](const Site& other) {
+    const auto& edge = edges[static_cast<std::size_t>(&other - sites.all.data())];
+    if (!edge || &other == &sites.all[at]) return;
+    const Eigen::Vector2d d = edge->at_px - own.at_px;
+    places.emplace_back(along.dot(d), own.out.dot(d));
+  });
+  if (places.size() < kLeast) return true;  // a piece on its own has no direction
+  return std::abs(robust_curve(places).x()) > kSlack_px + kSigmas * own.sigma_px;
+}
+
+}  // namespace
+
+Result<> EdgeOptions::validate() const {
+  const auto bad = [](const std::string& what) { return fail(ErrorCode::kUsage, "edge options: " + what); };
+  if (!(half_piece_px >= 1.0 && half_piece_px <= 20.0))
+    return bad(fmt::format("half_piece_px is {}, not in 1..20", half_piece_px));
+  if (!(reach_px >= 5.0 && reach_px <= 30.0)) return bad(fmt::format("reach_px is {}, not in 5..30", reach_px));
+  if (!(min_step_sigmas > 0.0)) return bad(fmt::format("min_step_sigmas is {}, it must be positive", min_step_sigmas));
+  if (!(min_paint_step > 0.0 && min_paint_step < 1.0))
+    return bad(fmt::format("min_paint_step is {}, not in (0, 1)", min_paint_step));
+  return {};
+}
+
+Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& options, const base::Progress& progress) {
+  if (auto ok = options.validate(); !ok) return fail(std::move(ok));
+  const base::PhaseMap& map = *input.phases;
+  if (input.white != nullptr && (input.white->width() != map.width || input.white->height() != map.height)) {
+    return fail(ErrorCode::kBadInput, fmt::format("the white image has {} x {} px, the phases {} x {}", input.white->width(),
+                                                  input.white->height(), map.width, map.height));
+  }
+  if (input.depth_mm != nullptr && input.depth_mm->size() != map.status.size()) {
+    return fail(ErrorCode::kBadInput, "depths and phases are of different sizes");
+  }
+  const EdgeImages images(map, input.white);
+  Sites sites = find_sites(input, options, images);
+  // Directions and curvatures from the strongest steps; these again, since a step seen at a slant is blurred.
+  for (int round = 0; round < kDirectionRounds; ++round) {
+    auto done =
+        for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
+          fit_site(sites.all[i], images, options, kFirstBlur_px, 1, samples);
+        });
+    if (!done) return fail(std::move(done));
+    std::vector<std::optional<PieceFrame>> frames(sites.all.size());
+    done = for_sites(sites.all, options.threads, "directions", progress, [&](std::size_t i, std::vector<ProfileSample>&) {
+      if (sites.all[i].fits[0]) frames[i] = smoothed_frame(sites, sites.all[i]);
+    });
+    if (!done) return fail(std::move(done));
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      sites.all[i].lost = !frames[i];
+      if (frames[i]) sites.all[i].frame = *frames[i];
+    }
+    std::erase_if(sites.all, [](const Site& site) { return site.lost; });
+    sites.index();
+  }
+  base::EdgePixels result;
+  result.width = map.width;
+  result.height = map.height;
+  result.piece_px = 2.0 * options.half_piece_px + 1.0;
+  auto done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
+    fit_site(sites.all[i], images, options, kFirstBlur_px, 1, samples);
+  });
+  if (!done) return fail(std::move(done));
+  const Blur blur = find_blur(sites, images, options);
+  result.blur_px = blur.px;
+  done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
+    fit_site(sites.all[i], images, options, result.blur_px, static_cast<std::size_t>(detail::kMostSteps), samples);
+  });
+  if (!done) return fail(std::move(done));
+  std::vector<std::optional<base::EdgePixel>> edges(sites.all.size());
+  done = for_sites(sites.all, options.threads, "classes", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
+    edges[i] = edge_of(sites, sites.all[i], input, images, options, blur, samples);
+  });
+  if (!done) return fail(std::move(done));
+  std::vector<char> stray(edges.size(), 0);
+  done = for_sites(sites.all, options.threads, "strays", progress,
+                   [&](std::size_t i, std::vector<ProfileSample>&) { stray[i] = edges[i] && is_stray(sites, edges, i); });
+  if (!done) return fail(std::move(done));
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    if (edges[i] && !stray[i]) result.pixels.push_back(*edges[i]);
+  }
+  return result;
+}
+
+std::vector<float> right_depths(const DepthMap& depths, const base::Head& head) {
+  const int width = head.right.width_px();
+  const int height = head.right.height_px();
+  const auto w = static_cast<std::size_t>(width);
+  constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
+  std::vector<float> seen(w * static_cast<std::size_t>(height), kNowhere);
+  const auto rays = detail::RectifiedMap::make(head.left, Eigen::Matrix3d::Identity());
+  if (!rays) return seen;
+  std::vector<float> x_over_z(static_cast<std::size_t>(depths.width)), y_over_z(x_over_z);
+  for (int y = 0; y < depths.height; ++y) {
+    rays->row(y, x_over_z.data(), y_over_z.data());
+    for (int x = 0; x < depths.width; ++x) {
+      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(depths.width) + static_cast<std::size_t>(x);
+      const double z = depths.depth_mm[at];
+      if (std::isnan(z)) continue;
+      const Eigen::Vector3d point =
+          head.right_from_left * Eigen::Vector3d(z * static_cast<double>(x_over_z[static_cast<std::size_t>(x)]),
+                                                 z * static_cast<double>(y_over_z[static_cast<std::size_t>(x)]), z);
+      std::array<double, 2> pixel = {};
+      if (!base::project_bare(head.right.model(), head.right.parameters().data(), point.data(), pixel.data(), nullptr, nullptr))
+        continue;
+      const long column = std::lround(pixel[0]);
+      const long row = std::lround(pixel[1]);
+      if (column < 0 || row < 0 || column >= width || row >= height) continue;
+      float& there = seen[static_cast<std::size_t>(row) * w + static_cast<std::size_t>(column)];
+      const auto depth = static_cast<float>(point.z());
+      if (!(there <= depth)) there = depth;  // also where there is none yet
+    }
+  }
+  std::vector<float> filled = seen;
+  for (int y = 1; y + 1 < height; ++y) {
+    for (int x = 1; x + 1 < width; ++x) {
+      const auto at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
+      if (!std::isnan(seen[at])) continue;
+      float sum = 0.0F;
+      int count = 0;
+      for (const std::size_t other : {at - 1, at + 1, at - w, at + w}) {
+        if (std::isnan(seen[other])) continue;
+        sum += seen[other];
+        ++count;
+      }
+      if (count >= 3) filled[at] = sum / static_cast<float>(count);
+    }
+  }
+  return filled;
+}
+
+}  // namespace crosstie::scan
