@@ -102,22 +102,9 @@ CommissionedSphere sphere_of(const Json& json) {
   return sphere;
 }
 
-Head head_of(const Json& json) {
-  const Json& cameras = json.at("cameras");
-  const Json& rig = json.at("rig");
-  if (!cameras.is_array() || cameras.size() != 2) throw Unreadable("a head has two cameras");
-  Head head{.left_name = rig.at("left"),
-            .right_name = rig.at("right"),
-            .left = detail::lens_of(cameras.at(0)),
-            .right = detail::lens_of(cameras.at(1)),
-            .right_from_left = detail::pose_of(rig.at("right_from_left"))};
-  if (const Json& temperature = rig.at("temperature_c"); !temperature.is_null()) head.temperature_c = temperature;
-  return head;
-}
-
 Commissioning commissioning_of(const Json& json) {
   detail::check_verb(json, "commission");
-  Commissioning result{.head = head_of(json)};
+  Commissioning result{.head = detail::head_of(json)};
   result.baseline_mm = json.at("rig").at("baseline_mm");
   result.baseline_sigma_mm = json.at("rig").at("baseline_sigma_mm");
   result.frame = frame_of(json.at("frame_at_middle"), axis_of(json.at("axis")));

@@ -44,6 +44,19 @@ Camera lens_of(const Json& json) {
   return *std::move(camera);
 }
 
+Head head_of(const Json& json) {
+  const Json& cameras = json.at("cameras");
+  const Json& rig = json.at("rig");
+  if (!cameras.is_array() || cameras.size() != 2) throw Unreadable("a head has two cameras");
+  Head head{.left_name = rig.at("left"),
+            .right_name = rig.at("right"),
+            .left = lens_of(cameras.at(0)),
+            .right = lens_of(cameras.at(1)),
+            .right_from_left = pose_of(rig.at("right_from_left"))};
+  if (const Json& temperature = rig.at("temperature_c"); !temperature.is_null()) head.temperature_c = temperature;
+  return head;
+}
+
 void check_verb(const Json& json, std::string_view verb) {
   if (json.at("format") != std::string(kResultFormat) || json.at("verb") != std::string(verb)) {
     throw Unreadable(fmt::format("not the result of {}", verb));

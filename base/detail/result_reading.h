@@ -6,6 +6,7 @@
 
 #include "base/camera.h"
 #include "base/detail/result_json.h"
+#include "base/machine.h"
 #include "base/pose.h"
 
 namespace crosstie::base::detail {
@@ -23,6 +24,8 @@ Eigen::MatrixXd symmetric(const Json& json, Eigen::Index size);
 Pose pose_of(const Json& json);
 /// An entry of "cameras", with its covariance where there is one.
 Camera lens_of(const Json& json);
+/// Of "cameras" and "rig", without a covariance.
+Head head_of(const Json& json);
 /// Throws where the document is not the result of this verb.
 void check_verb(const Json& json, std::string_view verb);
 

@@ -19,6 +19,17 @@ std::string verification_scene(const base::Verification& verification, double ma
 /// Points of a scan, x y z and sigma in mm, seen from the camera.
 std::string cloud_scene(const std::vector<Eigen::Vector4d>& points);
 
+/// A point to be shown.
+struct ShownPoint {
+  std::string id;
+  Eigen::Vector3d xyz_mm = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d cov_mm2 = Eigen::Matrix3d::Zero();  ///< zero: without an ellipsoid
+  double value = 0.0;                                 ///< its colour
+  std::vector<std::string> about;                     ///< lines of its tooltip
+  bool ring = false;
+};
+std::string points_scene(const std::vector<ShownPoint>& shown, const std::string& legend, double magnification);
+
 /// The three semi-axes (one sigma) of a covariance's ellipsoid as columns; zero where it is not finite.
 Eigen::Matrix3d ellipsoid_axes(const Eigen::Matrix3d& cov);
 

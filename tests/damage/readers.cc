@@ -20,6 +20,8 @@
 #include "base/point_list.h"
 #include "base/result_document.h"
 #include "base/sphere_list.h"
+#include "base/stitching_document.h"
+#include "base/stitching_reader.h"
 #include "base/table.h"
 #include "calib/corners.h"
 #include "fixtures/scene.h"
@@ -27,6 +29,7 @@
 #include "tests/base/image_samples.h"
 #include "tests/support/synthetic_calibration.h"
 #include "tests/support/synthetic_commissioning.h"
+#include "tests/support/synthetic_stitching.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::tests {
@@ -157,6 +160,13 @@ base::Result<> write_some_commissioning(const fs::path& folder) {
   const base::ResultEnvelope envelope{"commission", "machine", {}, {}, {}};
   if (auto ok = base::write_covariance(folder, {result.covariance, result.labels}); !ok) return ok;
   return base::write_json(folder / "result.json", base::result_json(envelope, {}, base::commissioning_json(result)));
+}
+
+base::Result<> write_some_stitching(const fs::path& folder) {
+  const base::Stitching result = synthetic_stitching();
+  const base::ResultEnvelope envelope{"stitch", "machine", {}, {}, {}};
+  if (auto ok = base::write_covariance(folder, {result.covariance, result.labels}); !ok) return ok;
+  return base::write_json(folder / "result.json", base::result_json(envelope, {}, base::stitching_json(result)));
 }
 
 base::Result<> write_some_covariance(const fs::path& folder) {
@@ -364,6 +374,8 @@ std::vector<Reader> readers() {
              [](const fs::path& folder) { return base::read_calibration(folder); });
   add_folder(all, "commissioning", files_of(write_some_commissioning),
              [](const fs::path& folder) { return base::read_commissioning(folder); });
+  add_folder(all, "stitching", files_of(write_some_stitching),
+             [](const fs::path& folder) { return base::read_stitching(folder); });
   add_folder(all, "covariance", files_of(write_some_covariance),
              [](const fs::path& folder) { return base::read_covariance(folder); });
   for (const auto& [name, format] :
