@@ -47,17 +47,12 @@ void read_markers(const JobTable& root, Job& job) {
 void read_reference(const JobTable& root, Job& job) {
   const auto table = root.table("reference");
   if (!table) return;
-  table->check_keys("reference", {"points", "surface", "unit"});
+  table->check_keys("reference", {"points", "surface", "surface_frame", "surface_best_fit", "unit"});
   table->path("points", job.reference_points);
+  table->path("surface", job.reference_surface);
+  table->word("surface_frame", {"machine", "part"}, job.surface_frame);
+  table->flag("surface_best_fit", job.surface_best_fit);
   table->text("unit", job.reference_unit);
-}
-
-/// The table of a later verb: its keys are checked, its values are not read yet.
-void read_past_hole(const JobTable& root, Job& job) {
-  const auto table = root.table("hole");
-  if (!table) return;
-  table->check_keys("hole", {"nominal", "nominal_frame", "markers"});
-  job.unused.emplace_back("hole");
 }
 
 /// What must be so between sections.
@@ -123,7 +118,7 @@ Result<Job> read_job(const std::filesystem::path& folder_or_file) {
   const auto root = JobTable::parse(job.file, *text);
   if (!root) return tl::unexpected(root.error());
   root->check_keys("", {"format", "name", "date", "markers", "board", "camera", "rig", "network", "cross", "machine", "station",
-                        "hole", "reference", "limits"});
+                        "hole", "part", "path", "reference", "limits"});
   read_format(*root);
   root->text("name", job.name);
   root->date("date", job.date);
@@ -137,7 +132,9 @@ Result<Job> read_job(const std::filesystem::path& folder_or_file) {
   read_stations(*root, job);
   read_reference(*root, job);
   read_limits(*root, job);
-  read_past_hole(*root, job);
+  read_hole(*root, job);
+  read_part(*root, job);
+  read_path(*root, job);
   check_sections(*root, job);
   if (root->error()) return tl::unexpected(*root->error());
   return job;

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "base/board.h"
 #include "base/camera.h"
 #include "base/certificate.h"
@@ -114,6 +116,59 @@ struct JobRig {
       baseline_mm;  ///< distance of the first two as a drawing tells it: calibrate refuses what contradicts it
 };
 
+/// `[hole]`: what the hole should be.
+struct JobHole {
+  std::string nominal;                 ///< circle, ellipse, oval, superellipse, or a file with a list of points
+  std::string nominal_frame = "part";  ///< of the list, or of centre_mm: part or machine
+  std::string unit;                    ///< of the list, where its columns do not say
+  bool closed = true;                  ///< of the list
+  bool spline = true;                  ///< interpolation = "spline" or "lines"
+  std::optional<double> diameter_mm;   ///< of a circle; sizes that are not given are fitted
+  std::optional<double> length_mm;     ///< of the others, with width_mm
+  std::optional<double> width_mm;
+  double exponent = 2.5;                         ///< of a superellipse
+  std::optional<Eigen::Vector3d> centre_mm;      ///< on the shell; none: the place is fitted to the measured rim
+  std::optional<Eigen::Vector3d> normal;         ///< towards the head; of a prism that is cut into a tower: its direction
+  std::optional<Eigen::Vector3d> direction;      ///< of the length
+  std::optional<std::filesystem::path> markers;  ///< coordinates of the markers round the hole, where measured
+};
+
+/// `[part]`: the workpiece, and how its place in the machine is found.
+struct JobPart {
+  std::string position = "none";                  ///< none (part and machine are one), markers, rps, tower
+  std::optional<std::filesystem::path> points;    ///< markers or RPS points in part, with `axes` of those that lock single axes
+  std::optional<std::filesystem::path> measured;  ///< the same in machine, with sigmas
+  std::optional<Eigen::Vector3d> axis_point_mm;   ///< of the tower, in part
+  std::optional<Eigen::Vector3d> axis_direction;  ///< to where a cone widens
+  std::optional<Eigen::Vector3d> axis_in_machine;  ///< about where axis_direction points to in machine
+  std::optional<double> radius_mm;                 ///< of the shell at axis_point_mm, across the axis
+  double half_angle_rad = 0.0;                     ///< 0: a cylinder
+  bool seen_from_inside = false;                   ///< the head is inside of the tower
+};
+
+/// `[path]`: the way of the torch.
+struct JobPath {
+  double step_mm = 2.0;
+  double cutoff_mm = 10.0;
+  double max_correction_mm = 10.0;
+  double max_slope = 0.1;
+  double max_gap_mm = 50.0;
+  double blend_mm = 10.0;
+  bool counter_clockwise = true;  ///< direction = "ccw" or "cw", as seen from the head
+  double start_mm = 0.0;
+  double bevel_rad = 0.0;
+  double lead_rad = 0.0;
+  double standoff_mm = 0.0;
+  double offset_mm = 0.0;
+  double speed_mm_per_s = 10.0;
+  std::optional<double> max_turn_rad_per_s;
+  std::optional<Eigen::Vector3d> reach_low_mm;  ///< the machine's volume, with reach_high_mm
+  std::optional<Eigen::Vector3d> reach_high_mm;
+  double retract_mm = 50.0;
+  std::optional<std::filesystem::path> gcode_template;
+  double arc_tolerance_mm = 0.0;  ///< 0: straight moves alone
+};
+
 /// `[limits]`: what makes a verdict fail. Those that are not set are not judged.
 struct JobLimits {
   double sigma0_px = 0.1;         ///< of one image coordinate; circular targets are measured far better than a tenth of a pixel
@@ -130,6 +185,9 @@ struct JobLimits {
   std::optional<double> point_sigma_mm;    ///< largest sigma of a coordinate
   std::optional<double> deviation_rms_mm;  ///< 3D, against the reference
   std::optional<double> deviation_max_mm;
+  double surface_tolerance_mm = 0.3;      ///< whose share of a cloud's points is told; a choice, no standard names one
+  std::optional<double> surface_p95_mm;   ///< 95 % of a cloud's |deviations| are below
+  std::optional<double> edge_rms_mm;      ///< of a hole's rim against its reference
   std::optional<double> length_mpe_a_mm;  ///< maximum permissible length error A + L / K (VDI/VDE 2634-1)
   std::optional<double> length_mpe_k;     ///< mm of length per mm of error
 };
@@ -152,10 +210,15 @@ struct Job {
   std::optional<JobCross> cross;
   std::optional<JobMachine> machine;
   std::vector<JobStation> stations;  ///< by the reading of the axis
+  std::optional<JobHole> hole;
+  JobPart part;
+  JobPath path;
   std::optional<std::filesystem::path> reference_points;
-  std::string reference_unit;  ///< empty: the file says
+  std::optional<std::filesystem::path> reference_surface;  ///< a cloud or mesh (PLY)
+  std::string surface_frame = "machine";                   ///< its frame: machine or part
+  bool surface_best_fit = false;                           ///< the cloud is first laid onto it
+  std::string reference_unit;                              ///< empty: the file says
   JobLimits limits;
-  std::vector<std::string> unused;  ///< sections that this version reads past
 
   /// The cameras that the board calibrates: of a rig in its order, else by name.
   [[nodiscard]] std::vector<std::string> board_cameras() const;

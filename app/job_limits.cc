@@ -9,7 +9,8 @@ void read_limits(const JobTable& root, Job& job) {
   if (!table) return;
   table->check_keys("limits", {"sigma0_px", "scale_bar_w", "control_w", "heldout_rms_px", "halves_ratio", "area_not_covered",
                                "prior_ratio", "sphere_w", "rig_change_w", "frame_u_mm", "baseline_sigma_mm", "point_sigma_mm",
-                               "deviation_rms_mm", "deviation_max_mm", "length_mpe_a_mm", "length_mpe_k"});
+                               "deviation_rms_mm", "deviation_max_mm", "surface_tolerance_mm", "surface_p95_mm", "edge_rms_mm",
+                               "length_mpe_a_mm", "length_mpe_k"});
   JobLimits& limits = job.limits;
   table->number("sigma0_px", limits.sigma0_px);
   table->number("scale_bar_w", limits.scale_bar_w);
@@ -25,6 +26,9 @@ void read_limits(const JobTable& root, Job& job) {
   table->number("point_sigma_mm", limits.point_sigma_mm);
   table->number("deviation_rms_mm", limits.deviation_rms_mm);
   table->number("deviation_max_mm", limits.deviation_max_mm);
+  table->number("surface_tolerance_mm", limits.surface_tolerance_mm);
+  table->number("surface_p95_mm", limits.surface_p95_mm);
+  table->number("edge_rms_mm", limits.edge_rms_mm);
   table->number("length_mpe_a_mm", limits.length_mpe_a_mm);
   table->number("length_mpe_k", limits.length_mpe_k);
 }

@@ -14,6 +14,9 @@ void read_network(const JobTable& root, Job& job);
 void read_cross(const JobTable& root, Job& job);
 void read_machine(const JobTable& root, Job& job);
 void read_stations(const JobTable& root, Job& job);
+void read_hole(const JobTable& root, Job& job);
+void read_part(const JobTable& root, Job& job);
+void read_path(const JobTable& root, Job& job);
 void read_limits(const JobTable& root, Job& job);
 
 }  // namespace crosstie::app

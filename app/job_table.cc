@@ -137,6 +137,21 @@ void JobTable::number(std::string_view key, double& value, Domain domain) const 
   value = found.value_or(value);
 }
 
+void JobTable::triple(std::string_view key, std::optional<Eigen::Vector3d>& value) const {
+  const toml::node* node = as_table(table_).get(key);
+  if (node == nullptr) return;
+  const toml::array* list = node->as_array();
+  Eigen::Vector3d found = Eigen::Vector3d::Constant(std::nan(""));
+  if (list != nullptr && list->size() == 3) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const toml::node& one = (*list)[i];
+      if (one.is_number()) found(static_cast<Eigen::Index>(i)) = one.value<double>().value_or(std::nan(""));
+    }
+  }
+  if (!found.allFinite()) return complain(key, fmt::format("{} must be three numbers, such as [0, 0, 1]", key));
+  value = found;
+}
+
 void JobTable::flag(std::string_view key, bool& value) const {
   const toml::node* node = as_table(table_).get(key);
   if (node == nullptr) return;

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "base/certificate.h"
 #include "base/result.h"
 
@@ -39,6 +41,8 @@ class JobTable {
   void path(std::string_view key, std::optional<std::filesystem::path>& value) const;
   void number(std::string_view key, std::optional<double>& value, Domain domain = Domain::kPositive) const;
   void number(std::string_view key, double& value, Domain domain = Domain::kPositive) const;
+  /// Three numbers.
+  void triple(std::string_view key, std::optional<Eigen::Vector3d>& value) const;
   void flag(std::string_view key, bool& value) const;
   /// "YYYY-MM-DD" in quotes, or a date of TOML.
   void date(std::string_view key, std::optional<std::chrono::year_month_day>& value) const;

@@ -9,6 +9,7 @@
 #include "app/image_files.h"
 #include "app/job.h"
 #include "app/session.h"
+#include "app/surface_task.h"
 #include "app/verb.h"
 #include "base/aicon_network.h"
 #include "base/observation.h"
@@ -86,14 +87,17 @@ base::Result<StepOutcome> adjust_aicon_step(const AiconTask& task, const std::fi
 
 /// What is compared with what.
 struct VerificationTask {
-  std::filesystem::path measured;   ///< a point list or an adjust result.json
-  std::filesystem::path reference;  ///< a point list
-  std::string reference_unit;       ///< empty: the file says
+  std::filesystem::path measured = {};   ///< a point list or an adjust result.json; with `reference` empty: no points
+  std::filesystem::path reference = {};  ///< a point list
+  std::string reference_unit;            ///< empty: the file says
   std::filesystem::path base_folder;
   std::string title;
   std::string fit = "rigid";
   std::vector<std::pair<int, int>> not_tested;  ///< distances that define the scale
   JobLimits limits;
+  std::optional<SurfaceTask> surface = std::nullopt;
+
+  [[nodiscard]] bool has_points() const { return !reference.empty(); }
 };
 
 /// The verification that a job asks for, of the adjustment in `adjustment`.

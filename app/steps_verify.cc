@@ -14,6 +14,8 @@
 #include "base/npy.h"
 #include "base/point_list.h"
 #include "base/result_document.h"
+#include "base/surface_document.h"
+#include "report/surface_report.h"
 #include "report/tables.h"
 #include "report/verification_report.h"
 #include "verify/compare.h"
@@ -73,6 +75,60 @@ Result<Eigen::MatrixXd> point_covariance(const fs::path& result, std::size_t poi
   return full->bottomRightCorner(size, size).eval();
 }
 
+Result<base::Verification> compare_points(const VerificationTask& task, verify::CompareOptions options) {
+  const auto measured = measured_points(task.measured);
+  if (!measured) return tl::unexpected(measured.error());
+  const auto reference = base::read_point_list(task.reference, {task.reference_unit});
+  if (!reference) return tl::unexpected(reference.error());
+  if (is_result(task.measured)) {
+    auto covariance = point_covariance(task.measured, measured->points.size());
+    if (!covariance) return base::fail(std::move(covariance));
+    options.measured_cov_mm2 = std::move(*covariance);
+  }
+  auto verification = verify::compare(*measured, *reference, options);
+  if (!verification) {
+    return base::fail(verification.error().code, fmt::format("{} against {}: {}", task.measured.string(),
+                                                             task.reference.string(), verification.error().message));
+  }
+  return verification;
+}
+
+std::string points_summary(const base::Verification& verification) {
+  const auto used =
+      std::count_if(verification.points.begin(), verification.points.end(), [](const auto& point) { return point.used; });
+  const base::PositionComparison& uncoded = verification.by_position;
+  std::string of_uncoded;
+  if (const std::size_t all = uncoded.points.size() + uncoded.unpaired.size(); all > 0) {
+    of_uncoded = fmt::format("; {} of {} uncoded have a partner", uncoded.points.size(), all);
+  }
+  if (!uncoded.points.empty()) {
+    of_uncoded += fmt::format(", RMS {:.4f} {:.4f} {:.4f} mm, max {:.4f} mm", uncoded.rms_mm.x(), uncoded.rms_mm.y(),
+                              uncoded.rms_mm.z(), uncoded.max_mm);
+  }
+  return fmt::format("{} points, RMS {:.4f} {:.4f} {:.4f} mm (x y z), deviation over predicted sigma {:.2f}{}", used,
+                     verification.rms_mm.x(), verification.rms_mm.y(), verification.rms_mm.z(), verification.normalised_rms,
+                     of_uncoded);
+}
+
+std::string surfaces_summary(const base::SurfaceVerification& verification) {
+  std::string text;
+  const auto add = [&](const std::string& part) { text += (text.empty() ? "" : "; ") + part; };
+  if (verification.surface) {
+    const base::SurfaceDeviations& s = *verification.surface;
+    add(fmt::format("{} points against a {}: mean {:.3f} mm, scatter {:.3f} mm, {:.1f} % within {} mm", s.count, s.reference,
+                    s.mean_mm, s.sigma_mm, 100.0 * s.in_tolerance, s.tolerance_mm));
+  }
+  if (verification.shape) {
+    add(fmt::format("{}: diameter {:.3f} +- {:.3f} mm", verification.shape->shape, verification.shape->diameter_mm,
+                    verification.shape->diameter_sigma_mm));
+  }
+  if (verification.edge) {
+    add(fmt::format("rim: RMS {:.3f} mm, 95 % within {:.3f} mm, max {:.3f} mm", verification.edge->rms_mm,
+                    verification.edge->p95_mm, verification.edge->max_mm));
+  }
+  return text;
+}
+
 }  // namespace
 
 Result<VerificationTask> verification_task(const Job& job, const fs::path& adjustment) {
@@ -94,14 +150,19 @@ Result<VerificationTask> verification_task(const Job& job, const fs::path& adjus
 Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& out, Session& session) {
   auto options = compare_options(task);
   if (!options) return base::fail(std::move(options));
-  const ordered_json options_json = effective_options(task, *options);
+  ordered_json options_json = task.has_points() ? effective_options(task, *options) : ordered_json::object();
+  if (task.surface) options_json["surface"] = surface_options(*task.surface);
 
-  auto measured_input = hashed_input(task.measured, task.base_folder);
-  if (!measured_input) return base::fail(std::move(measured_input));
-  if (is_result(task.measured)) measured_input->path = kAdjustInput;  // by its place in the job, wherever --out puts it
-  auto reference_input = hashed_input(task.reference, task.base_folder);
-  if (!reference_input) return base::fail(std::move(reference_input));
-  std::vector<base::ResultInput> inputs = {std::move(*measured_input), std::move(*reference_input)};
+  std::vector<base::ResultInput> inputs;
+  std::vector<fs::path> files = task.surface ? surface_files(*task.surface) : std::vector<fs::path>{};
+  if (task.has_points()) files.insert(files.end(), {task.measured, task.reference});
+  for (const fs::path& file : files) {
+    auto input = hashed_input(file, task.base_folder);
+    if (!input) return base::fail(std::move(input));
+    if (file == task.measured && is_result(file))
+      input->path = kAdjustInput;  // by its place in the job, wherever --out puts it
+    inputs.push_back(std::move(*input));
+  }
   std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   const ordered_json earlier = earlier_result(out, options_json);
   if (same_inputs(earlier, inputs)) {
@@ -110,45 +171,45 @@ Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& ou
 
   auto folder = ResultFolder::begin(out);
   if (!folder) return base::fail(std::move(folder));
-  const auto measured = measured_points(task.measured);
-  if (!measured) return tl::unexpected(measured.error());
-  const auto reference = base::read_point_list(task.reference, {task.reference_unit});
-  if (!reference) return tl::unexpected(reference.error());
-  if (is_result(task.measured)) {
-    auto covariance = point_covariance(task.measured, measured->points.size());
-    if (!covariance) return base::fail(std::move(covariance));
-    options->measured_cov_mm2 = std::move(*covariance);
+  std::optional<base::Verification> points;
+  if (task.has_points()) {
+    auto compared = compare_points(task, *std::move(options));
+    if (!compared) return base::fail(std::move(compared));
+    points = *std::move(compared);
   }
-  const auto verification = verify::compare(*measured, *reference, *options);
-  if (!verification) {
-    return base::fail(verification.error().code, fmt::format("{} against {}: {}", task.measured.string(),
-                                                             task.reference.string(), verification.error().message));
+  std::optional<base::SurfaceVerification> surfaces;
+  if (task.surface) {
+    auto compared = compare_surfaces(*task.surface, session);
+    if (!compared) return base::fail(std::move(compared));
+    surfaces = *std::move(compared);
   }
   session.progress()("verify", 1, 1);
 
-  const base::ResultEnvelope envelope{"verify", "reference", inputs, judge(*verification, task.limits), verification->warnings};
-  if (auto written = report::write_verification_tables(folder->path(), *verification); !written)
-    return base::fail(std::move(written));
-  const std::string html = report::verification_report(
-      *verification, {"Verification against reference points", task.title, envelope, options_json.dump(2)});
-  const ordered_json result = base::result_json(envelope, options_json, base::verification_json(*verification));
+  base::ResultEnvelope envelope{"verify", "reference", inputs, {}, {}};
+  ordered_json body = ordered_json::object();
+  std::string summary;
+  if (points) {
+    envelope.verdicts = judge(*points, task.limits);
+    envelope.warnings = points->warnings;
+    body = base::verification_json(*points);
+    summary = points_summary(*points);
+    if (auto written = report::write_verification_tables(folder->path(), *points); !written)
+      return base::fail(std::move(written));
+  }
+  if (surfaces) {
+    for (base::Verdict& verdict : judge(*surfaces, task.limits)) envelope.verdicts.push_back(std::move(verdict));
+    envelope.warnings.insert(envelope.warnings.end(), surfaces->warnings.begin(), surfaces->warnings.end());
+    body.update(base::surface_verification_json(*surfaces));
+    summary += (summary.empty() ? "" : "; ") + surfaces_summary(*surfaces);
+    if (auto written = report::write_surface_tables(folder->path(), *surfaces); !written) return base::fail(std::move(written));
+  }
+  const report::ReportContext context{surfaces ? "Verification" : "Verification against reference points", task.title, envelope,
+                                      options_json.dump(2)};
+  const std::string html = surfaces ? report::surface_report(*surfaces, context, points ? &*points : nullptr)
+                                    : report::verification_report(*points, context);
+  const ordered_json result = base::result_json(envelope, options_json, body);
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
-  const auto used =
-      std::count_if(verification->points.begin(), verification->points.end(), [](const auto& point) { return point.used; });
-  const base::PositionComparison& uncoded = verification->by_position;
-  std::string of_uncoded;
-  if (const std::size_t all = uncoded.points.size() + uncoded.unpaired.size(); all > 0) {
-    of_uncoded = fmt::format("; {} of {} uncoded have a partner", uncoded.points.size(), all);
-  }
-  if (!uncoded.points.empty()) {
-    of_uncoded += fmt::format(", RMS {:.4f} {:.4f} {:.4f} mm, max {:.4f} mm", uncoded.rms_mm.x(), uncoded.rms_mm.y(),
-                              uncoded.rms_mm.z(), uncoded.max_mm);
-  }
-  return StepOutcome{out,
-                     fmt::format("{} points, RMS {:.4f} {:.4f} {:.4f} mm (x y z), deviation over predicted sigma {:.2f}{}",
-                                 used, verification->rms_mm.x(), verification->rms_mm.y(), verification->rms_mm.z(),
-                                 verification->normalised_rms, of_uncoded),
-                     false, outcome_of(envelope.verdicts)};
+  return StepOutcome{out, summary, false, outcome_of(envelope.verdicts)};
 }
 
 }  // namespace crosstie::app

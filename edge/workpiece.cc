@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "math/distributions.h"
 #include "math/rigid_alignment.h"
 
 namespace crosstie::edge {
@@ -21,6 +22,7 @@ using base::Result;
 constexpr int kMaxIterations = 50;
 constexpr double kLeastEigenvalue = 1e-12;  // of the normal matrix scaled to unit diagonal
 constexpr double kLargeW = 3.29;            // 0.1 %, two-sided
+constexpr double kTestLevel = 1e-3;         // of a point's test
 constexpr double kUnknownDirection_rad = 1.0 / 3.0;
 constexpr double kStep_mm = 1e-3;  // of difference quotients
 constexpr double kStep_rad = 1e-6;
@@ -115,29 +117,56 @@ Result<> check_rank(std::span<const PartPoint> points, const Eigen::MatrixXd& no
                           direction_name(weakest)));
 }
 
+/// Baarda's test of a point: T = g' M^-1 g of its coordinates, g = P v and M = P Qvv P; chi-square of as many as M has rank.
+struct PointTest {
+  double w = 0.0;  ///< sqrt(T / rank)
+  double p = 1.0;  ///< probability of a larger one
+};
+
+PointTest test_of(const Eigen::VectorXd& g, const Eigen::MatrixXd& m) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(m);
+  PointTest test;
+  double square = 0.0;
+  int rank = 0;
+  for (Eigen::Index k = 0; k < g.size(); ++k) {
+    if (eigen.eigenvalues()(k) < 1e-9 * eigen.eigenvalues()(g.size() - 1)) continue;
+    square += std::pow(eigen.eigenvectors().col(k).dot(g), 2) / eigen.eigenvalues()(k);
+    ++rank;
+  }
+  if (rank == 0) return test;
+  test.w = std::sqrt(square / rank);
+  test.p = 1.0 - math::chi_square_cdf(square, rank);
+  return test;
+}
+
 void judge(Workpiece& part, const System& s, std::span<const PartPoint> points, const Eigen::MatrixXd& cofactor,
            const Eigen::MatrixXd& weight) {
   const Eigen::MatrixXd residual_cov = s.variance - s.jacobian * cofactor * s.jacobian.transpose();
   const Eigen::MatrixXd normalised = weight * residual_cov * weight;
   const Eigen::VectorXd weighted = weight * s.residual;
-  for (const PartPoint& p : points) {
-    part.residuals.emplace_back();
-    part.residuals.back().id = p.id;
-  }
   std::vector<std::pair<double, base::Warning>> found;
-  for (std::size_t k = 0; k < s.rows.size(); ++k) {
-    const auto r = static_cast<Eigen::Index>(k);
-    const auto& [i, axis] = s.rows[k];
-    part.residuals[i].residual_mm(axis) = s.residual(r);
-    if (residual_cov(r, r) < 1e-6 * s.variance(r, r)) continue;  // nothing checks it
-    part.residuals[i].sigma_mm(axis) = std::sqrt(residual_cov(r, r));
-    const double w = std::abs(weighted(r)) / std::sqrt(normalised(r, r));  // Baarda's w of correlated observations
-    if (w <= kLargeW) continue;
-    part.warnings.push_back(
-        {"part_point", std::to_string(points[i].id),
-         fmt::format("its {} is {:.3f} mm from where the part's other points put it, {:.1f} times its sigma: a wrong id, "
-                     "a moved or damaged marker, or a part that is not as drawn",
-                     "xyz"[axis], s.residual(r), w)});
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    PartResidual one;
+    one.id = points[i].id;
+    std::vector<Eigen::Index> checked;
+    for (std::size_t k = 0; k < s.rows.size(); ++k) {
+      const auto r = static_cast<Eigen::Index>(k);
+      if (s.rows[k].first != i) continue;
+      one.residual_mm(s.rows[k].second) = s.residual(r);
+      if (residual_cov(r, r) < 1e-6 * s.variance(r, r)) continue;  // nothing checks it
+      one.sigma_mm(s.rows[k].second) = std::sqrt(residual_cov(r, r));
+      checked.push_back(r);
+    }
+    part.residuals.push_back(one);
+    if (checked.empty()) continue;
+    const PointTest test = test_of(weighted(checked), normalised(checked, checked));
+    if (test.p > kTestLevel) continue;
+    found.emplace_back(
+        test.w,
+        base::Warning{"part_point", std::to_string(one.id),
+                      fmt::format("it is {:.3f} mm from where the part's points put it, {:.1f} times its sigma: a wrong id, "
+                                  "a moved or damaged marker, or a part that is not as drawn",
+                                  one.residual_mm.norm(), test.w)});
   }
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   for (auto& [w, warning] : found) part.warnings.push_back(std::move(warning));

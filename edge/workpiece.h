@@ -52,8 +52,8 @@ struct Workpiece {
 ///
 /// Errors: kNoUniqueSolution for less than six coordinates or such that leave a direction free, which is named; kBadInput for points
 /// twice, values that are not finite, variances that are not positive, and points that are the mirror image of the part's.
-/// Warnings: part_point, a coordinate whose residual over sigma is above 3.29 (0.1 % two-sided); the largest first, since one wrong point
-/// moves the others, too.
+/// Warnings: part_point, a point whose coordinates contradict the others (Baarda's test at 0.1 %); the largest first, since one wrong
+/// point moves the others, too.
 base::Result<Workpiece> workpiece_from_points(std::span<const PartPoint> points, const Eigen::MatrixXd& machine_cov_mm2 = {});
 
 /// A tower's axis and the centre of a hole in its shell.

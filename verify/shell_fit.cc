@@ -42,11 +42,11 @@ struct Shell {
   }
 };
 
-Result<Shell> fit(const std::vector<Eigen::Vector3d>& points, bool cone) {
+Result<Shell> fit(const std::vector<Eigen::Vector3d>& points, bool cone, bool robust) {
   Shell shell;
   shell.is_cone = cone;
   if (cone) {
-    auto fitted = math::fit_cone(points, {.robust = true});
+    auto fitted = math::fit_cone(points, {.robust = robust});
     if (!fitted) return base::fail(std::move(fitted));
     shell.point = fitted->shape.point_mm;
     shell.direction = fitted->shape.direction;
@@ -55,13 +55,40 @@ Result<Shell> fit(const std::vector<Eigen::Vector3d>& points, bool cone) {
     shell.quality = std::move(fitted->quality);
     return shell;
   }
-  auto fitted = math::fit_cylinder(points, {.robust = true});
+  auto fitted = math::fit_cylinder(points, {.robust = robust});
   if (!fitted) return base::fail(std::move(fitted));
   shell.point = fitted->shape.point_mm;
   shell.direction = fitted->shape.direction;
   shell.distance_mm = fitted->shape.radius_mm;
   shell.quality = std::move(fitted->quality);
   return shell;
+}
+
+/// Those that are not strays of the shell on which a part of the points agrees robustly.
+Result<std::vector<Eigen::Vector3d>> without_strays(const std::vector<Eigen::Vector3d>& points, bool cone) {
+  constexpr std::size_t kRobustPoints = 250;  // consensus among more takes long and finds no other shape
+  constexpr double kStray = 5.0;              // of the robust scatter
+  constexpr double kNormal = 1.4826;          // median absolute deviation to sigma
+  std::vector<Eigen::Vector3d> few;
+  const std::size_t every = std::max<std::size_t>(1, points.size() / kRobustPoints);
+  for (std::size_t i = 0; i < points.size(); i += every) few.push_back(points[i]);
+  const auto rough = fit(few, cone, true);
+  if (!rough) return tl::unexpected(rough.error());
+  const math::Cone as_cone{rough->point, rough->direction, rough->distance_mm, rough->half_angle_rad};
+  const math::Cylinder as_cylinder{rough->point, rough->direction, rough->distance_mm};
+  std::vector<double> off;
+  for (const auto& p : points)
+    off.push_back(std::abs(cone ? math::signed_distance_mm(as_cone, p) : math::signed_distance_mm(as_cylinder, p)));
+  std::vector<double> sorted = off;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  // A rough fit's own error is within a few scatters over the few points' root.
+  const double limit = kStray * kNormal * *middle + 1e-9;
+  std::vector<Eigen::Vector3d> good;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (off[i] <= limit) good.push_back(points[i]);
+  }
+  return good;
 }
 
 std::size_t patches_of(const std::vector<Eigen::Vector3d>& points, double size_mm) {
@@ -113,10 +140,16 @@ Result<ShapeDeviations> fit_shell(const base::Cloud& measured, const std::option
     points.push_back(measured.points[i]);
     if (!measured.cov_mm2.empty()) noise += measured.cov_mm2[i].trace() / 3.0;
   }
-  auto shell = fit(points, options.cone);
+  const std::size_t all = points.size();
+  if (options.robust) {
+    auto good = without_strays(points, options.cone);
+    if (!good) return base::fail(std::move(good));
+    points = *std::move(good);
+  }
+  auto shell = fit(points, options.cone, false);
   if (!shell) return base::fail(std::move(shell));
   const auto n = static_cast<double>(points.size());
-  const double a_priori = measured.cov_mm2.empty() ? options.sigma_mm * options.sigma_mm : noise / n;
+  const double a_priori = measured.cov_mm2.empty() ? options.sigma_mm * options.sigma_mm : noise / static_cast<double>(all);
   // The covariance is that of sigma0 from the residuals; the larger of it and the noise counts, and patches in place of points.
   double factor = std::max(1.0, a_priori / (shell->quality.sigma0 * shell->quality.sigma0));
   if (options.correlation_mm > 0.0) {
@@ -148,7 +181,7 @@ Result<ShapeDeviations> fit_shell(const base::Cloud& measured, const std::option
   result.form_mm = shell->quality.form_mm;
   result.sigma0 = a_priori > 0.0 ? shell->quality.sigma0 / std::sqrt(a_priori) : 0.0;
   result.count = shell->quality.count;
-  result.rejected = shell->quality.rejected.size();
+  result.rejected = all - points.size();
   result.warnings = shell->quality.warnings;
   if (nominal) result.difference = difference_from(*nominal, *shell, factor);
   return result;

@@ -48,7 +48,10 @@ Eigen::Vector3d side_of(const Cloud& cloud, std::size_t i, const base::Pose& pos
 
 std::string name_of(const Eigen::Matrix<double, 6, 1>& direction) {
   const bool turn = direction.head<3>().norm() > direction.tail<3>().norm();
-  const Eigen::Vector3d v = (turn ? direction.head<3>() : direction.tail<3>()).normalized();
+  Eigen::Vector3d v = (turn ? direction.head<3>() : direction.tail<3>()).normalized();
+  Eigen::Index largest = 0;
+  v.cwiseAbs().maxCoeff(&largest);
+  if (v(largest) < 0.0) v = -v;
   return fmt::format("{} ({:.2f}, {:.2f}, {:.2f})", turn ? "turn about" : "shift along", v.x(), v.y(), v.z());
 }
 

@@ -51,6 +51,7 @@ struct NominalShell {
 
 struct ShellFitOptions {
   bool cone = true;       ///< false: a cylinder
+  bool robust = true;     ///< strays (mounts, cables, the far side of the hole) are found and left out; false: all points count
   double sigma_mm = 0.0;  ///< of a point along the normal, where the cloud carries no covariance; 0: from the residuals
   std::size_t max_points = 20000;  ///< a fit of more says no more: neighbouring points are not independent
   /// Points within one patch of so many millimetres count as one observation of the surface's form: sigmas are those of the number of

@@ -38,9 +38,6 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
     session.print(*graph);
     return Outcome::kOk;
   }
-  for (const std::string& section : job->unused)
-    session.say(fmt::format("[{}] of the job is not used by this version", section));
-
   std::size_t width = 0;
   for (const JobStep* step : *steps) width = std::max(width, step->name.size());
   Outcome outcome = Outcome::kOk;

@@ -209,15 +209,66 @@ INSTANTIATE_TEST_SUITE_P(
                     BadJob{"axis_mm = -100.0", "axis_m = -0.1", "did you mean 'axis_mm'"},                        //
                     BadJob{"heldout_rms_px = 0.15", "heldout_rms = 0.15", "did you mean 'heldout_rms_px'"}));
 
-TEST(Job, ReadsPastTheTableOfALaterVerbButChecksItsKeys) {
+constexpr const char* kCut = R"([hole]
+nominal = "oval"
+length_mm = 2000.0
+width_mm = 800.0
+centre_mm = [600, 0, 2150]
+normal = [0, 0, 1]
+length_direction = [1, 0, 0]
+[part]
+position = "tower"
+axis_point_mm = [0, 0, 0]
+axis_direction = [1, 0, 0]
+axis_in_machine = [1, 0, 0]
+radius_mm = 2150.0
+[path]
+direction = "cw"
+bevel_rad = 0.5
+reach_low_mm = [-1000, -3000, 0]
+reach_high_mm = [4000, 0, 4000]
+arc_tolerance_mm = 0
+)";
+
+TEST(Job, ReadsHolePartAndPath) {
   const tests::TemporaryFolder folder;
-  folder.write("job.toml", std::string(kJob) + "[hole]\nnominal = \"nominal.csv\"\n");
+  folder.write("job.toml", std::string(kJob) + kCut);
   const auto job = read_job(folder.path());
   ASSERT_TRUE(job) << job.error().message;
-  EXPECT_THAT(job->unused, testing::ElementsAre("hole"));
-  folder.write("job.toml", std::string(kJob) + "[hole]\nnominl = \"nominal.csv\"\n");
-  EXPECT_THAT(read_job(folder.path()).error().message, HasSubstr("did you mean 'nominal'"));
+  ASSERT_TRUE(job->hole.has_value());
+  EXPECT_EQ(job->hole->nominal, "oval");
+  EXPECT_EQ(*job->hole->length_mm, 2000.0);
+  EXPECT_EQ(job->hole->centre_mm->z(), 2150.0);
+  EXPECT_EQ(job->part.position, "tower");
+  EXPECT_EQ(*job->part.radius_mm, 2150.0);
+  EXPECT_FALSE(job->path.counter_clockwise);
+  EXPECT_EQ(job->path.bevel_rad, 0.5);
+  EXPECT_EQ(job->path.reach_high_mm->x(), 4000.0);
+  EXPECT_EQ(job->path.step_mm, 2.0);
 }
+
+class BadCuts : public testing::TestWithParam<BadJob> {};
+
+TEST_P(BadCuts, AreRefusedWithFileAndLine) {
+  const auto message = refusal(std::string(kJob) + kCut, GetParam());
+  EXPECT_THAT(message, HasSubstr(GetParam().expected));
+  EXPECT_THAT(message, HasSubstr("job.toml:"));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Table, BadCuts,
+    testing::Values(BadJob{"nominal = \"oval\"", "nominl = \"oval\"", "did you mean 'nominal'"},
+                    BadJob{"nominal = \"oval\"", "nominal = \"door.csv\"", "belongs to an outline"},
+                    BadJob{"nominal = \"oval\"", "nominal = \"circle\"", "a circle has diameter_mm"},
+                    BadJob{"width_mm = 800.0\n", "", "go together"}, BadJob{"normal = [0, 0, 1]\n", "", "go together"},
+                    BadJob{"[0, 0, 1]", "[0, 0, 0]", "has no direction"}, BadJob{"[0, 0, 1]", "[0, 1]", "three numbers"},
+                    BadJob{"axis_direction = [1, 0, 0]\n", "", "go together"},
+                    BadJob{"\"tower\"", "\"markers\"", "needs points"}, BadJob{"\"tower\"", "\"magic\"", "tower"},
+                    BadJob{"axis_in_machine = [1, 0, 0]\n", "", "which end"},
+                    BadJob{"bevel_rad = 0.5", "bevel_rad = 30", "radians, not degrees"},
+                    BadJob{"bevel_rad = 0.5", "bevel_deg = 30", "bevel_rad"},
+                    BadJob{"reach_low_mm = [-1000, -3000, 0]\n", "", "go together"},
+                    BadJob{"[-1000, -3000, 0]", "[-1000, 3000, 0]", "low_mm below"}, BadJob{"\"cw\"", "\"left\"", "ccw"}));
 
 TEST(Job, SaysThatItIsMissing) {
   const tests::TemporaryFolder folder;

@@ -172,9 +172,11 @@ TEST(Surface, ABestFitHoldsWhatACylinderDoesNotDetermine) {
   ASSERT_TRUE(result.has_value());
   ASSERT_EQ(result->held.size(), 2U);
   const std::string both = result->held[0] + " " + result->held[1];
-  EXPECT_THAT(both, HasSubstr("shift along (1.00, 0.00, 0.00)"));
+  EXPECT_THAT(both, HasSubstr("shift along (1.00, "));
   EXPECT_LT(result->rms_mm, 0.1);
-  EXPECT_NEAR(result->reference_from_measured.translation_mm.x(), moved(3), 0.01) << "it did not slide";
+  const Eigen::Vector3d middle(0.0, 0.0, 2150.0);
+  EXPECT_NEAR((result->reference_from_measured * middle).x(), (base::perturbed({}, moved) * middle).x(), 0.05)
+      << "it did not slide";
 }
 
 TEST(ShellFit, FindsTheShellAndItsDifferenceFromTheNominal) {
@@ -183,12 +185,12 @@ TEST(ShellFit, FindsTheShellAndItsDifferenceFromTheNominal) {
   std::mt19937_64 random(6);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
   std::normal_distribution<double> normal;
-  constexpr int kSeeds = 60;
+  constexpr int kSeeds = 40;
   Eigen::Vector4d squares = Eigen::Vector4d::Zero();
   for (int seed = 0; seed < kSeeds; ++seed) {
     Cloud cloud;
     const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.001, Eigen::Vector3d::UnitZ()));
-    for (int i = 0; i < 1500; ++i) {
+    for (int i = 0; i < 600; ++i) {
       const double x = 3500.0 * uniform(random);
       const double phi = 1.22 * (uniform(random) - 0.5);
       const Eigen::Vector3d radial(0.0, std::sin(phi), std::cos(phi));
@@ -197,9 +199,9 @@ TEST(ShellFit, FindsTheShellAndItsDifferenceFromTheNominal) {
       cloud.points.push_back(turned * (on + 0.1 * normal(random) * outward));
     }
     const NominalShell nominal{{0.0, 0.0, 0.0}, Eigen::Vector3d::UnitX(), 2100.0, half};
-    const auto fit = fit_shell(cloud, nominal, {.cone = true, .sigma_mm = 0.1, .correlation_mm = 0.0});
+    const auto fit = fit_shell(cloud, nominal, {.cone = true, .robust = false, .sigma_mm = 0.1, .correlation_mm = 0.0});
     ASSERT_TRUE(fit.has_value()) << fit.error().message;
-    EXPECT_NEAR(fit->sigma0, 1.0, 0.1);
+    EXPECT_NEAR(fit->sigma0, 1.0, 0.15);
     ASSERT_TRUE(fit->difference.has_value());
     const double middle = 0.5 * (fit->low_mm + fit->high_mm);
     EXPECT_LT(std::abs(middle), 100.0);
@@ -216,9 +218,19 @@ TEST(ShellFit, FindsTheShellAndItsDifferenceFromTheNominal) {
   for (int i = 0; i < 4; ++i) EXPECT_NEAR(squares(i), 1.0, 4.0 * std::sqrt(2.0 / kSeeds)) << i;
 }
 
+TEST(ShellFit, StraysAreLeftOut) {
+  Cloud cloud = shell(2150.0, 0.9, 1200.0, 0.0, 900, 12, 0.05);
+  for (int i = 0; i < 60; ++i) cloud.points.emplace_back(10.0 * i - 300.0, 50.0, 2180.0 + 0.3 * i);  // a cable over it
+  const auto fit = fit_shell(cloud, std::nullopt, {.cone = false});
+  ASSERT_TRUE(fit.has_value()) << fit.error().message;
+  EXPECT_NEAR(static_cast<double>(fit->rejected), 60.0, 3.0);
+  EXPECT_NEAR(fit->diameter_mm, 4300.0, 4.0 * fit->diameter_sigma_mm);
+  EXPECT_LT(fit->rms_mm, 0.06);
+}
+
 TEST(ShellFit, FormCountsByPatchesAndNotByPoints) {
   // Patches of 50 mm are off by 0.2 mm each: points of one patch say the same.
-  constexpr int kSeeds = 40;
+  constexpr int kSeeds = 25;
   double honest = 0.0;
   double naive = 0.0;
   for (int seed = 0; seed < kSeeds; ++seed) {
@@ -235,8 +247,8 @@ TEST(ShellFit, FormCountsByPatchesAndNotByPoints) {
         }
       }
     }
-    const auto by_patch = fit_shell(cloud, std::nullopt, {.cone = false});
-    const auto by_point = fit_shell(cloud, std::nullopt, {.cone = false, .correlation_mm = 0.0});
+    const auto by_patch = fit_shell(cloud, std::nullopt, {.cone = false, .robust = false});
+    const auto by_point = fit_shell(cloud, std::nullopt, {.cone = false, .robust = false, .correlation_mm = 0.0});
     ASSERT_TRUE(by_patch && by_point);
     honest += std::pow((by_patch->diameter_mm - 2000.0) / by_patch->diameter_sigma_mm, 2) / kSeeds;
     naive += std::pow((by_point->diameter_mm - 2000.0) / by_point->diameter_sigma_mm, 2) / kSeeds;
