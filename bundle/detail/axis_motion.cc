@@ -168,7 +168,11 @@ base::Matrix6d stop_covariance(const Pose& machine_from_rig, const Vector3d& dir
 Result<StraightAxis> straight_axis(const StationPoses& stations) {
   const std::size_t count = stations.axis_mm.size();
   const auto [least, most] = std::minmax_element(stations.axis_mm.begin(), stations.axis_mm.end());
-  if (count < 2 || *most - *least < kLeastTravel_mm) {
+  const auto position = [&](std::size_t k) { return stations.machine_from_rig[k].translation_mm; };
+  bool moved = false;  // readings in metres hardly differ, yet the head stood in different places
+  for (std::size_t k = 1; k < count; ++k) moved = moved || (position(k) - position(0)).norm() > kFarOff_mm;
+  const double spread_mm = *most - *least;
+  if (count < 2 || (spread_mm < kLeastTravel_mm && !moved)) {
     return fail(
         ErrorCode::kNoUniqueSolution,
         count < 2
@@ -178,7 +182,6 @@ Result<StraightAxis> straight_axis(const StationPoses& stations) {
                           "of the X axis?",
                           count, *least));
   }
-  const auto position = [&](std::size_t k) { return stations.machine_from_rig[k].translation_mm; };
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       const double apart = (position(i) - position(j)).norm();
@@ -194,7 +197,7 @@ Result<StraightAxis> straight_axis(const StationPoses& stations) {
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       const double way = stations.axis_mm[i] - stations.axis_mm[j];
-      if (std::abs(way) < kLeastTravel_mm) continue;
+      if (std::abs(way) < std::min(kLeastTravel_mm, 0.1 * spread_mm)) continue;
       const Vector3d slope = (position(i) - position(j)) / way;
       for (std::size_t c = 0; c < 3; ++c) slopes[c].push_back(slope(static_cast<Index>(c)));
     }
