@@ -101,6 +101,59 @@ TEST(Ply, RefusesWithAReason) {
   }
 }
 
+Result<Mesh> mesh_of(const std::string& bytes) {
+  const TemporaryFolder folder;
+  return read_ply_mesh(folder.write("mesh.ply", bytes));
+}
+
+TEST(PlyMesh, PolygonsBecomeTriangles) {
+  const std::string vertices = "element vertex 4\n" + kXyz;
+  const auto mesh = mesh_of(kAscii + vertices +
+                            "element face 3\nproperty uchar flags\nproperty list uchar int vertex_indices\nend_header\n"
+                            "0 0 0\n1 0 0\n1 1 0\n0 1 0\n9 4 0 1 2 3\n9 3 0 2 1\n9 3 0 0 1\n");
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  EXPECT_EQ(mesh->vertices.points.size(), 4U);
+  using Triangle = std::array<std::uint32_t, 3>;
+  EXPECT_THAT(mesh->triangles, testing::ElementsAre(Triangle{0, 1, 2}, Triangle{0, 2, 3}, Triangle{0, 2, 1}))
+      << "none of no area";
+  const auto cloud = mesh_of(kAscii + vertices + "end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n");
+  ASSERT_TRUE(cloud);
+  EXPECT_TRUE(cloud->triangles.empty());
+}
+
+TEST(PlyMesh, BinaryFacesOfBothOrders) {
+  for (const bool big : {false, true}) {
+    std::string bytes = std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
+                        " 1.0\nelement vertex 3\n" + kXyz +
+                        "element face 1\nproperty list uchar uint vertex_index\nend_header\n";
+    for (const float value : {0.0F, 0.0F, 0.0F, 1.0F, 0.0F, 0.0F, 0.0F, 1.0F, 0.0F}) bytes += raw(value, big);
+    bytes += '\3';
+    for (const std::uint32_t index : {2U, 0U, 1U}) bytes += raw(index, big);
+    const auto mesh = mesh_of(bytes);
+    ASSERT_TRUE(mesh) << mesh.error().message;
+    ASSERT_EQ(mesh->triangles.size(), 1U);
+    EXPECT_EQ(mesh->triangles[0], (std::array<std::uint32_t, 3>{2, 0, 1}));
+  }
+}
+
+TEST(PlyMesh, RefusesWithAReason) {
+  const std::string head = kAscii + "element vertex 3\n" + kXyz +
+                           "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
+  EXPECT_THAT(mesh_of(head + "3 0 1 3\n").error().message, HasSubstr("face 0: the file is cut off, or a corner is no vertex"));
+  EXPECT_THAT(mesh_of(head + "3 0 1 -1\n").error().message, HasSubstr("no vertex"));
+  EXPECT_THAT(mesh_of(head + "2 0 1\n").error().message, HasSubstr("less than three corners"));
+  EXPECT_THAT(mesh_of(head + "3 0 1\n").error().message, HasSubstr("cut off"));
+  EXPECT_THAT(mesh_of(kAscii + "element face 1\nproperty list uchar int vertex_indices\nelement vertex 3\n" + kXyz +
+                      "end_header\n3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n")
+                  .error()
+                  .message,
+              HasSubstr("before its vertices"));
+  EXPECT_THAT(mesh_of(kAscii + "element vertex 1\n" + kXyz + "element face 1\nproperty uchar a\nend_header\n0 0 0\n1\n")
+                  .error()
+                  .message,
+              HasSubstr("no list vertex_indices"));
+}
+
 TEST(Ply, AnEmptyCloudIsACloud) {
   const TemporaryFolder folder;
   ASSERT_TRUE(write_ply(folder / "empty.ply", {}));

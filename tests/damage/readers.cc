@@ -24,6 +24,7 @@
 #include "base/stitching_reader.h"
 #include "base/table.h"
 #include "calib/corners.h"
+#include "edge/nominal_file.h"
 #include "fixtures/scene.h"
 #include "tests/base/colmap_scene.h"
 #include "tests/base/image_samples.h"
@@ -358,6 +359,17 @@ std::vector<Reader> readers() {
                   true, false, "6.25", "", "4 5 6.25"},
                  ply});
   all.back().takes_mark = false;
+  all.push_back(
+      {"mesh",
+       {"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n1 2 3\n4 5 6.25\n4 7 8\n3 0 1 2\n",
+        true, false, "6.25"},
+       answer([](const fs::path& p) { return base::read_ply_mesh(p); })});
+  all.back().takes_mark = false;
+  all.push_back(
+      {"nominal hole",
+       {"x_mm,y_mm,z_mm,nx,ny,nz\n1.25,0,0,0,0,1\n100,0,0,0,0,1\n100,50,0,0,0,1\n0,50,0,0,0,1\n", true, false, "1.25"},
+       answer([](const fs::path& p) { return edge::read_nominal(p); })});
   all.push_back(
       {"vnl",
        {"# filename x y level\nleft01.jpg 244.25 94.5 0\nleft01.jpg 274.5 92.25 1\nleft02.jpg - -\n", true, false, "244.25"},
