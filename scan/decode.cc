@@ -12,6 +12,7 @@
 
 #include "base/parallel.h"
 #include "math/distributions.h"
+#include "scan/detail/blur_shift.h"
 #include "scan/detail/fringe_kernel.h"
 #include "scan/detail/fringe_set.h"
 #include "scan/detail/gray_code.h"
@@ -431,6 +432,11 @@ Result<PhaseMap> Decoder::finish(const base::Progress& progress) {
       if (*plane) (*plane)->turns[i] = std::numeric_limits<float>::quiet_NaN();
     }
   }
+  // Of an exposure series modulations are those of different exposures from pixel to pixel: their changes tell nothing.
+  const bool one_exposure =
+      std::all_of(parts.sequence.patterns.begin(), parts.sequence.patterns.end(),
+                  [&](const Pattern& pattern) { return pattern.exposure == parts.sequence.patterns.front().exposure; });
+  if (parts.options.correct_blur && one_exposure) (void)detail::correct_blur_shift(map, parts.options.threads);
   return map;
 }
 

@@ -22,7 +22,9 @@ constexpr int kRowsPerTask = 16;
 constexpr double kSamplePixels = 2e5;     // of which the residuals' statistics are made
 constexpr double kMarginSigmas = 3.0;     // of an end of the grey scale: samples nearer to it may have been cut off by noise
 constexpr float kLeastModulation = 3.0F;  // levels: of pixels that tell the noise
-constexpr float kClear = 4.0F;            // levels between their darkest or brightest sample and the ends of the grey scale
+constexpr float kClear = 4.0F;            // levels between their darkest or brightest sample and the ends of the grey scale,
+constexpr float kLeastClear = 1.0F;       // in the dark, where there are hardly pixels with so many
+constexpr std::size_t kFewPixels = 2000;  // of a set
 
 /// The least squares of one pixel over some of its samples.
 struct PixelFit {
@@ -147,7 +149,7 @@ bool one_of_16(std::uint32_t number) { return (number * 2654435761U) >> 28U == 0
 
 /// Residuals of pixels all over the image.
 template <typename Sample>
-void sample_residuals(const std::vector<Image>& images, const std::vector<double>& shifts, const Solver& solver,
+void sample_residuals(const std::vector<Image>& images, const std::vector<double>& shifts, const Solver& solver, float clear,
                       ResidualStatistics& statistics, ImageDrift& drift) {
   const auto width = static_cast<std::size_t>(images.front().width());
   const int height = images.front().height();
@@ -161,7 +163,7 @@ void sample_residuals(const std::vector<Image>& images, const std::vector<double
     solve_fringes(solver.plan(), rows.data(), width,
                   {turns.data(), modulation.data(), mean.data(), squares.data(), clipped.data()});
     for (std::size_t x = 0; x < width; x += static_cast<std::size_t>(every)) {
-      if (clipped[x] || modulation[x] < kLeastModulation || mean[x] - modulation[x] < kClear ||
+      if (clipped[x] || modulation[x] < kLeastModulation || mean[x] - modulation[x] < clear ||
           mean[x] + modulation[x] > static_cast<float>(images.front().white_level()) - kClear) {
         continue;
       }
@@ -215,10 +217,15 @@ Result<FringeSet> solve_set(const std::vector<Image>& images, const std::vector<
   const double white = images.front().white_level();
   Solver solver(shifts, white);
   ImageDrift drift(shifts);
-  if (bytes) {
-    sample_residuals<std::uint8_t>(images, shifts, solver, statistics, drift);
-  } else {
-    sample_residuals<std::uint16_t>(images, shifts, solver, statistics, drift);
+  const std::size_t before = statistics.size();
+  for (const float clear : {kClear, kLeastClear}) {
+    if (statistics.size() - before >= kFewPixels) break;
+    drift = ImageDrift(shifts);
+    if (bytes) {
+      sample_residuals<std::uint8_t>(images, shifts, solver, clear, statistics, drift);
+    } else {
+      sample_residuals<std::uint16_t>(images, shifts, solver, clear, statistics, drift);
+    }
   }
   const base::GreyNoise noise = options.noise.value_or(statistics.noise());
   solver.set_margins(std::max(1.0, kMarginSigmas * std::sqrt(noise.variance(0.0))),

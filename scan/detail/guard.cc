@@ -11,6 +11,8 @@ namespace {
 constexpr int kSampleEvery = 5;
 constexpr float kJumpSlopes = 4.0F;
 constexpr float kJumpSigmas = 6.0F;
+constexpr float kCreaseSlopes = 0.1F;
+constexpr float kCreaseSigmas = 5.0F;
 constexpr float kFading = 2.0F;  // times the largest sigma that is taken: light that fades, no end of a surface
 
 /// Marks what lies within `reach` of a marked entry of a line.
@@ -46,6 +48,29 @@ void mark_jumps(const base::PhasePlane& plane, int width, int height, std::vecto
   }
 }
 
+/// Where the slope over the three pixels before differs from that over the three after.
+void mark_creases(const base::PhasePlane& plane, int width, int height, std::vector<char>& bad) {
+  constexpr int kReach = 3;
+  const auto limit = kCreaseSlopes * static_cast<float>(median_slope(plane, width, height));
+  const auto mark = [&](std::size_t at, std::size_t stride) {
+    const float* t = &plane.turns[at];
+    const auto s = static_cast<std::ptrdiff_t>(stride);
+    const float change = 0.5F * (t[3 * s] - t[s] - t[-s] + t[-3 * s]);  // its sigma is that of a pixel
+    const float noise = std::max({plane.sigma_turns[at - stride], plane.sigma_turns[at], plane.sigma_turns[at + stride]});
+    if (std::abs(change) > limit + kCreaseSigmas * noise) bad[at] = 1;  // never true where there is none
+  };
+  const auto w = static_cast<std::size_t>(width);
+  for (int y = 0; y < height; ++y) {
+    const bool down = y >= kReach && y + kReach < height;
+    for (int x = 0; x < width; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
+      if (std::isnan(plane.turns[at])) continue;
+      if (x >= kReach && x + kReach < width) mark(at, 1);
+      if (down) mark(at, w);
+    }
+  }
+}
+
 }  // namespace
 
 double median_slope(const base::PhasePlane& plane, int width, int height) {
@@ -73,7 +98,9 @@ std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px) {
     if (map.status[i] == base::PhaseStatus::kDark && largest_sigma(map, i) < fading) bad[i] = 0;
   }
   for (const auto* plane : {&map.x, &map.y}) {
-    if (*plane) mark_jumps(**plane, map.width, map.height, bad);
+    if (!*plane) continue;
+    mark_jumps(**plane, map.width, map.height, bad);
+    mark_creases(**plane, map.width, map.height, bad);
   }
   std::vector<char> along = bad;
   const auto w = static_cast<std::size_t>(map.width);

@@ -1,0 +1,147 @@
+#include "scan/detail/blur_shift.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "base/parallel.h"
+#include "scan/detail/guard.h"
+
+namespace crosstie::scan::detail {
+namespace {
+
+constexpr int kRowsPerTask = 32;
+constexpr int kReach = 3;                  // pixels on each side that the derivative of the brightness takes
+constexpr int kRadius = 3;                 // of the neighbourhood whose mean is taken off
+constexpr int kGuard_px = 4;               // from the end of a surface, beyond which another one may shine in
+constexpr double kTold = 5.0;              // sigmas
+constexpr double kSeen = 2.0;              // sigmas of a phase: smaller leanings may be noise of the brightness
+constexpr double kOutlier = 8.0;           // sigmas of a phase: no smooth surface there
+constexpr float kLeastModulation = 0.05F;  // grey levels: below, its logarithm means nothing
+
+/// A derivative of band-limited samples over 7 of them (sixth order).
+float derivative(const float* at, std::ptrdiff_t stride) {
+  return 0.75F * (at[stride] - at[-stride]) - 0.15F * (at[2 * stride] - at[-2 * stride]) +
+         (at[3 * stride] - at[-3 * stride]) / 60.0F;
+}
+
+/// Change of turns per px along one direction, from neighbours of the same surface: on both sides where there are, else on one.
+bool slope(const std::vector<float>& turns, std::size_t at, std::ptrdiff_t stride, float& result) {
+  const auto value = [&](std::ptrdiff_t steps) {
+    return turns[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + steps * stride)];
+  };
+  float sum = 0.0F, weight = 0.0F;
+  for (std::ptrdiff_t k = 1; k <= kReach; ++k) {
+    const float both = value(k) - value(-k);
+    if (std::isnan(both)) continue;
+    sum += static_cast<float>(k) * both;
+    weight += static_cast<float>(2 * k * k);
+  }
+  if (weight > 0.0F) {
+    result = sum / weight;
+    return true;
+  }
+  for (const std::ptrdiff_t side : {1, -1}) {
+    const float change = value(2 * side) - value(side);
+    if (std::isnan(change)) continue;
+    result = static_cast<float>(side) * change;
+    return true;
+  }
+  return false;
+}
+
+/// grad(turns) . grad(ln B) of every valid pixel; not a number where it is not known.
+std::vector<float> leanings(const base::PhaseMap& map, const base::PhasePlane& plane, int threads) {
+  const auto w = static_cast<std::size_t>(map.width);
+  std::vector<float> result(plane.turns.size(), std::numeric_limits<float>::quiet_NaN());
+  const auto tasks = static_cast<std::size_t>((map.height + kRowsPerTask - 1) / kRowsPerTask);
+  (void)base::parallel_for(tasks, threads, "blur", {}, [&](std::size_t task) -> base::Result<> {
+    const int from = std::max(kReach, static_cast<int>(task) * kRowsPerTask);
+    const int to = std::min(map.height - kReach, static_cast<int>(task + 1) * kRowsPerTask);
+    for (int y = from; y < to; ++y) {
+      for (int x = kReach; x < map.width - kReach; ++x) {
+        const std::size_t at = map.at(x, y);
+        if (std::isnan(plane.turns[at]) || plane.modulation[at] < kLeastModulation) continue;
+        float across = 0.0F, down = 0.0F;
+        if (!slope(plane.turns, at, 1, across) || !slope(plane.turns, at, static_cast<std::ptrdiff_t>(w), down)) continue;
+        const float* b = &plane.modulation[at];
+        result[at] = (across * derivative(b, 1) + down * derivative(b, static_cast<std::ptrdiff_t>(w))) / *b;
+      }
+    }
+    return {};
+  });
+  return result;
+}
+
+/// Sums of the regression of phases on leanings, both less their means over the neighbourhood (of the phase: less its plane, since its
+/// mean over a square is that of the middle).
+struct Sums {
+  double xx = 0.0, xy = 0.0, count = 0.0;
+};
+
+Sums regress(const base::PhaseMap& map, const base::PhasePlane& plane, const std::vector<float>& lean,
+             const std::vector<char>& one_surface) {
+  Sums sums;
+  const int full = (2 * kRadius + 1) * (2 * kRadius + 1);
+  for (int y = kRadius; y < map.height - kRadius; ++y) {
+    for (int x = kRadius; x < map.width - kRadius; ++x) {
+      const std::size_t at = map.at(x, y);
+      const double sigma = plane.sigma_turns[at];
+      if (!one_surface[at] || std::isnan(lean[at]) || std::abs(static_cast<double>(lean[at])) < kSeen * sigma) continue;
+      double mean_lean = 0.0, mean_turns = 0.0;
+      int count = 0;
+      for (int dy = -kRadius; dy <= kRadius; ++dy) {
+        const std::size_t row = map.at(x - kRadius, y + dy);
+        for (std::size_t i = row; i <= row + 2 * static_cast<std::size_t>(kRadius); ++i) {
+          if (std::isnan(lean[i])) continue;
+          mean_lean += static_cast<double>(lean[i]);
+          mean_turns += static_cast<double>(plane.turns[i] - plane.turns[at]);
+          ++count;
+        }
+      }
+      if (count < full) continue;
+      const double a = static_cast<double>(lean[at]) - mean_lean / full;
+      const double b = -mean_turns / full;
+      if (std::abs(b) > kOutlier * sigma + std::abs(a)) continue;
+      sums.xx += a * a / (sigma * sigma);
+      sums.xy += a * b / (sigma * sigma);
+      sums.count += 1.0;
+    }
+  }
+  return sums;
+}
+
+}  // namespace
+
+BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
+  BlurShift shift;
+  if (map.width <= 2 * kRadius || map.height <= 2 * kRadius) return shift;
+  std::array<std::vector<float>, 2> lean;
+  Sums sums;
+  const std::vector<char> one_surface = guarded_pixels(map, kGuard_px);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto& plane = i == 0 ? map.x : map.y;
+    if (!plane) continue;
+    lean[i] = leanings(map, *plane, threads);
+    const Sums part = regress(map, *plane, lean[i], one_surface);
+    sums.xx += part.xx;
+    sums.xy += part.xy;
+    sums.count += part.count;
+  }
+  if (!(sums.xx > 0.0)) return shift;
+  const double variance = sums.xy / sums.xx;
+  const double sigma = 1.0 / std::sqrt(sums.xx);
+  if (!(variance > kTold * sigma) || variance > kLargestVariance_px2) return shift;
+  shift = {variance, sigma};
+  for (std::size_t i = 0; i < 2; ++i) {
+    auto& plane = i == 0 ? map.x : map.y;
+    if (!plane) continue;
+    for (std::size_t at = 0; at < lean[i].size(); ++at) {
+      if (!std::isnan(lean[i][at])) plane->turns[at] -= static_cast<float>(variance) * lean[i][at];
+    }
+  }
+  return shift;
+}
+
+}  // namespace crosstie::scan::detail
