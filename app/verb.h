@@ -60,6 +60,7 @@ Verb adjust_verb();
 Verb patterns_verb();
 Verb plan_verb();
 Verb scan_verb();
+Verb edge_verb();
 Verb stitch_verb();
 Verb verify_verb();
 Verb run_verb();

@@ -1,0 +1,87 @@
+// crosstie edge: a scan -> the edge of a hole
+
+#include <fmt/core.h>
+
+#include "app/steps_edge.h"
+#include "app/verb.h"
+#include "base/text.h"
+
+namespace crosstie::app {
+namespace {
+
+using base::ErrorCode;
+using base::Result;
+
+constexpr double kDegree = 0.017453292519943295;
+
+/// `count` numbers with commas between them; nothing where the option was not given.
+Result<std::optional<std::vector<double>>> numbers(const Arguments& arguments, const std::string& name, std::size_t count) {
+  const auto text = arguments.get(name);
+  if (!text) return std::optional<std::vector<double>>();
+  std::vector<double> values;
+  for (const std::string_view part : base::split(*text, ',')) {
+    const auto value = base::parse_double(part);
+    if (!value)
+      return base::fail(ErrorCode::kUsage, fmt::format("{} takes {} numbers with commas, not '{}'", name, count, *text));
+    values.push_back(*value);
+  }
+  if (values.size() != count)
+    return base::fail(ErrorCode::kUsage, fmt::format("{} takes {} numbers with commas, not '{}'", name, count, *text));
+  return std::optional(values);
+}
+
+Result<EdgeTask> task_of(const Arguments& arguments) {
+  EdgeTask task;
+  task.scan = *arguments.get("--scan");
+  task.head = arguments.get("--rig").value_or("");
+  task.nominal = arguments.get("--nominal").value_or("circle");
+  task.base_folder = std::filesystem::current_path();
+  task.title = task.scan.filename().string();
+  const auto roi = numbers(arguments, "--roi", 4);
+  if (!roi) return tl::unexpected(roi.error());
+  if (*roi) task.options.roi_px = {(**roi)[0], (**roi)[1], (**roi)[2], (**roi)[3]};
+  const auto arc = numbers(arguments, "--arc", 2);
+  if (!arc) return tl::unexpected(arc.error());
+  if (*arc) task.options.arc_rad = {(**arc)[0] * kDegree, (**arc)[1] * kDegree};
+  const auto cell = arguments.number("--cell-mm");
+  if (!cell) return tl::unexpected(cell.error());
+  if (*cell) task.options.cell_mm = **cell;
+  if (auto ok = task.options.validate(); !ok) return base::fail(std::move(ok));
+  return task;
+}
+
+Result<Outcome> run(const Arguments& arguments, Session& session) {
+  const auto task = task_of(arguments);
+  if (!task) return tl::unexpected(task.error());
+  const auto step = edge_step(*task, *arguments.get("--out"), session);
+  if (!step) return tl::unexpected(step.error());
+  session.say("edge    " + step->summary);
+  session.print((step->folder / "result.json").string());
+  return step->outcome;
+}
+
+}  // namespace
+
+Verb edge_verb() {
+  return {
+      "edge",
+      "find the edge of a hole in a scan, as a curve with sigmas",
+      "  $ crosstie edge --scan x0850/cloud --nominal circle --roi 480,420,770,720 --arc 20,160 --out x0850/edge\n"
+      "  x0850/edge/result.json",
+      {{"--scan", "DIR", "folder of a scan's result", true, false},
+       {"--rig", "RIG", "the head where it does not lie any more where the scan found it, as scan --rig has it", false, false},
+       {"--nominal", "WORD",
+        "circle, ellipse, oval, or a file with the nominal's points in mm; it is fitted to the edge (default circle)", false,
+        false},
+       {"--roi", "U0,V0,U1,V1", "part of the left image in which the hole lies [px] (default: all of it)", false, false},
+       {"--arc", "FROM,TO",
+        "part of the rim [deg], by the angle in the left image about the middle of the region, from the right downwards "
+        "(default: "
+        "all of it)",
+        false, false},
+       {"--cell-mm", "MM", "extent of rim that one point stands for (default: what one edge pixel is found on)", false, false},
+       {"--out", "DIR", "folder for edge.csv and report; replaced as a whole", true, false}},
+      run};
+}
+
+}  // namespace crosstie::app

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/camera.h"
+#include "base/machine.h"
+
+namespace crosstie::edge::detail {
+
+/// One camera's depths by pixel, with the rays of its pixels.
+class CameraView {
+ public:
+  CameraView(const base::Camera& camera, std::vector<float> depth_mm, std::vector<float> sigma_mm);
+
+  [[nodiscard]] int width() const { return camera_->width_px(); }
+  [[nodiscard]] int height() const { return camera_->height_px(); }
+  [[nodiscard]] const base::Camera& camera() const { return *camera_; }
+  [[nodiscard]] float depth(std::size_t at) const { return depth_mm_[at]; }
+  [[nodiscard]] float sigma(std::size_t at) const { return sigma_mm_[at]; }
+  /// X/Z, Y/Z of a pixel's ray; computed once. Not a number outside of the lens model's domain.
+  [[nodiscard]] Eigen::Vector2f tangent(int x, int y);
+
+ private:
+  const base::Camera* camera_;
+  std::vector<float> depth_mm_;
+  std::vector<float> sigma_mm_;
+  std::vector<Eigen::Vector2f> tangents_;
+  std::vector<char> known_;
+};
+
+/// The right camera's view of the left one's depths: of each pixel the nearest point that falls there. Only left pixels in
+/// [u0, u1] x [v0, v1] are carried over.
+CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm, const std::vector<float>& sigma_mm,
+                      const std::array<double, 4>& roi_px);
+
+/// A surface near an edge in a camera's frame, as inverse depth over the image: 1/z = a + b X/Z + c Y/Z + d q^2, exact for a plane (d = 0); q is
+/// the distance across the edge [px].
+struct LocalSurface {
+  Eigen::Vector3d plane = Eigen::Vector3d::Zero();   ///< b, c, a: 1 = plane . (X, Y, Z), across the normal
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< unit, towards the camera
+  double inverse_depth = 0.0;                        ///< at the edge [1/mm]
+  double sigma = 0.0;                                ///< of it
+  double rms_mm = 0.0;                               ///< of the depths about the surface
+  int count = 0;
+};
+
+/// The surface on the material side (against `out`) of an edge at `at_px`; nothing where too few depths lie there. Robust: Tukey's weights.
+std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
+                                           double guard_px, double reach_px);
+
+}  // namespace crosstie::edge::detail

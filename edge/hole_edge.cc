@@ -1,0 +1,404 @@
+#include "edge/hole_edge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <utility>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include "edge/detail/rim_candidates.h"
+#include "edge/detail/rim_line.h"
+#include "math/head_point.h"
+
+namespace crosstie::edge {
+namespace {
+
+using base::ErrorCode;
+using base::fail;
+using base::Result;
+using detail::Face;
+using detail::RimCandidate;
+using detail::RimLine;
+
+/// An angle in [from, from + 2 pi).
+double turned_to(double angle, double from) {
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  return from + std::fmod(std::fmod(angle - from, kTurn) + kTurn, kTurn);
+}
+
+bool in_arc(const HoleEdgeOptions& options, double angle) {
+  return !options.arc_rad || turned_to(angle, (*options.arc_rad)[0]) <= turned_to((*options.arc_rad)[1], (*options.arc_rad)[0]);
+}
+
+/// What one camera of one station says of a cell.
+struct Voice {
+  int station = 0;
+  int camera = 0;
+  int pixels = 0;
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d point_in_rig_mm = Eigen::Vector3d::Zero();
+  double off_mm = 0.0;    // from the smooth line, away from the material
+  double sigma_mm = 0.0;  // of it
+  double surface_sigma_mm = 0.0;
+  double lean = 0.0;  // by how much a point moves across the rim when its surface moves by one along the normal
+  double band_mm = 0.0;
+};
+
+/// One point of the rim in the making.
+struct Cell {
+  std::vector<Voice> voices;
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  Eigen::Vector3d across = Eigen::Vector3d::Zero();
+  double sigma_mm = 0.0;
+  double surface_sigma_mm = 0.0;
+  double lean = 0.0;
+  double off_mm = 0.0;
+  double disagreement = 1.0;
+};
+
+std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, const RimLine& line) {
+  std::map<std::pair<int, int>, std::vector<const RimCandidate*>> groups;
+  for (const RimCandidate* member : members) groups[{member->station, member->camera}].push_back(member);
+  std::vector<Voice> voices;
+  for (const auto& [who, group] : groups) {
+    Voice voice{who.first, who.second, static_cast<int>(group.size())};
+    double weights = 0.0, variance = 0.0, extent_low = 1e300, extent_high = -1e300, piece = 0.0;
+    for (const RimCandidate* member : group) {
+      const double weight = 1.0 / (member->sigma_mm * member->sigma_mm);
+      weights += weight;
+      voice.point_mm += weight * member->point_mm;
+      voice.point_in_rig_mm += weight * member->point_in_rig_mm;
+      voice.off_mm += weight * line.off_mm(member->point_mm);
+      voice.surface_sigma_mm += weight * member->surface_sigma_mm;
+      const double facing = std::max(0.1, std::abs(member->ray.dot(member->normal)));
+      voice.lean += weight * -member->ray.dot(line.across) / facing;
+      voice.band_mm += weight * member->band_mm;
+      variance += weight * member->sigma_mm * member->sigma_mm;
+      const double along = line.along_mm(member->point_mm);
+      extent_low = std::min(extent_low, along);
+      extent_high = std::max(extent_high, along);
+      piece += weight * member->piece_mm;
+    }
+    for (double* value : {&voice.off_mm, &voice.surface_sigma_mm, &voice.lean, &voice.band_mm, &piece}) *value /= weights;
+    voice.point_mm /= weights;
+    voice.point_in_rig_mm /= weights;
+    // Pixels of one piece of edge are one measurement.
+    const double pieces = std::max(1.0, (extent_high - extent_low) / piece);
+    voice.sigma_mm = std::sqrt(variance / weights / pieces);
+    voices.push_back(voice);
+  }
+  return voices;
+}
+
+/// Cameras and stations together; those that contradict the others and the neighbours go.
+Cell fuse(std::vector<Voice> voices, const RimLine& line, const Face& face, double max_w, HoleEdge::Counts& counts) {
+  const auto contradicts = [&](const Voice& a, const Voice& b) {
+    return std::abs(a.off_mm - b.off_mm) > max_w * std::hypot(a.sigma_mm, b.sigma_mm, line.scatter_mm);
+  };
+  for (bool changed = true; changed && voices.size() > 1;) {
+    changed = false;
+    for (std::size_t i = 0; i < voices.size() && !changed; ++i) {
+      for (std::size_t j = i + 1; j < voices.size() && !changed; ++j) {
+        if (!contradicts(voices[i], voices[j])) continue;
+        const std::size_t worse = std::abs(voices[i].off_mm) > std::abs(voices[j].off_mm) ? i : j;
+        counts.stray += voices[worse].pixels;
+        counts.used -= voices[worse].pixels;
+        voices.erase(voices.begin() + static_cast<std::ptrdiff_t>(worse));
+        changed = true;
+      }
+    }
+  }
+  Cell cell;
+  double weights = 0.0;
+  for (const Voice& voice : voices) {
+    const double weight = 1.0 / (voice.sigma_mm * voice.sigma_mm);
+    weights += weight;
+    cell.point_mm += weight * voice.point_mm;
+    cell.off_mm += weight * voice.off_mm;
+    cell.surface_sigma_mm += weight * voice.surface_sigma_mm;
+    cell.lean += weight * voice.lean;
+  }
+  cell.point_mm /= weights;
+  for (double* value : {&cell.off_mm, &cell.surface_sigma_mm, &cell.lean}) *value /= weights;
+  double squares = 0.0;
+  for (const Voice& voice : voices) squares += std::pow((voice.off_mm - cell.off_mm) / voice.sigma_mm, 2);
+  if (voices.size() > 1) cell.disagreement = std::max(1.0, squares / static_cast<double>(voices.size() - 1));
+  cell.sigma_mm = std::sqrt(cell.disagreement / weights);
+  cell.normal = face.normal_at(cell.point_mm);
+  cell.across = (line.across - line.across.dot(cell.normal) * cell.normal).normalized();
+  cell.voices = std::move(voices);
+  return cell;
+}
+
+/// A square root of the head's covariance: columns of independent causes.
+Eigen::MatrixXd causes_of(const Eigen::MatrixXd& cov) {
+  if (cov.size() == 0) return {};
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(cov);
+  const double least = 1e-12 * std::max(1e-300, solver.eigenvalues().maxCoeff());
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index i = 0; i < cov.cols(); ++i) {
+    if (solver.eigenvalues()(i) > least) kept.push_back(i);
+  }
+  Eigen::MatrixXd causes(cov.rows(), static_cast<Eigen::Index>(kept.size()));
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    causes.col(static_cast<Eigen::Index>(i)) = solver.eigenvectors().col(kept[i]) * std::sqrt(solver.eigenvalues()(kept[i]));
+  return causes;
+}
+
+/// What calibration and poses do to the points: columns of each head, then six of each station's pose.
+Eigen::MatrixXd shared_parts(const std::vector<Cell>& cells, std::span<const StationView> stations) {
+  std::map<const base::Head*, std::pair<Eigen::Index, Eigen::MatrixXd>> heads;
+  std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>> poses;
+  Eigen::Index columns = 0;
+  for (const StationView& view : stations) {
+    if (!heads.contains(view.head)) {
+      Eigen::MatrixXd causes = causes_of(view.head->cov);
+      const Eigen::Index count = causes.cols();
+      heads.emplace(view.head, std::pair(columns, std::move(causes)));
+      columns += count;
+    }
+  }
+  for (const StationView& view : stations) {
+    Eigen::MatrixXd causes = view.frame_from_rig_cov.isZero(0.0) ? Eigen::MatrixXd() : causes_of(view.frame_from_rig_cov);
+    const Eigen::Index count = causes.cols();
+    poses.emplace_back(columns, std::move(causes));
+    columns += count;
+  }
+  Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(3 * static_cast<Eigen::Index>(cells.size()), columns);
+  if (columns == 0) return shared;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    double weights = 0.0;
+    for (const Voice& voice : cells[i].voices) weights += 1.0 / (voice.sigma_mm * voice.sigma_mm);
+    for (const Voice& voice : cells[i].voices) {
+      const double share = 1.0 / (voice.sigma_mm * voice.sigma_mm) / weights;
+      const StationView& view = stations[static_cast<std::size_t>(voice.station)];
+      const auto& [at, causes] = heads.at(view.head);
+      const auto row = 3 * static_cast<Eigen::Index>(i);
+      if (causes.cols() > 0) {
+        shared.block(row, at, 3, causes.cols()) += share * view.frame_from_rig.rotation.toRotationMatrix() *
+                                                   math::point_by_head(*view.head, voice.point_in_rig_mm) * causes;
+      }
+      const auto& [pose_at, pose_causes] = poses[static_cast<std::size_t>(voice.station)];
+      if (pose_causes.cols() > 0) {
+        Eigen::Matrix<double, 3, 6> by_pose;
+        by_pose << -base::skew(voice.point_mm), Eigen::Matrix3d::Identity();
+        shared.block(row, pose_at, 3, pose_causes.cols()) += share * by_pose * pose_causes;
+      }
+    }
+  }
+  return shared;
+}
+
+/// Scatter of the cells about the line through their neighbours, themselves left out, over what their sigmas say.
+double roughness(const std::vector<Cell>& cells, double reach_mm, std::vector<double>& off_mm) {
+  constexpr double kMedianOfSquare = 0.4549;  // of chi-square with one degree of freedom
+  constexpr std::size_t kLeast = 10;
+  off_mm.assign(cells.size(), 0.0);
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const Eigen::Vector3d tangent = cells[i].across.cross(cells[i].normal);
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    int count = 0;
+    for (std::size_t j = 0; j < cells.size(); ++j) {
+      const Eigen::Vector3d d = cells[j].point_mm - cells[i].point_mm;
+      const double a = tangent.dot(d);
+      if (j == i || d.norm() > reach_mm) continue;
+      const Eigen::Vector3d row(1.0, a, a * a);
+      const double weight = 1.0 / (cells[j].sigma_mm * cells[j].sigma_mm);
+      normal += weight * row * row.transpose();
+      right += weight * cells[i].across.dot(d) * row;
+      ++count;
+    }
+    if (count < 5) continue;
+    const Eigen::LDLT<Eigen::Matrix3d> factor(normal);
+    const Eigen::Vector3d line = factor.solve(right);
+    const double variance = factor.solve(Eigen::Vector3d::UnitX())(0);
+    if (!(variance > 0.0)) continue;
+    off_mm[i] = -line(0);
+    ratios.push_back(line(0) * line(0) / (variance + cells[i].sigma_mm * cells[i].sigma_mm));
+  }
+  if (ratios.size() < kLeast) return 1.0;
+  const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
+  std::nth_element(ratios.begin(), middle, ratios.end());
+  return std::max(1.0, std::sqrt(*middle / kMedianOfSquare));
+}
+
+/// Why there is nothing between two places of the rim.
+std::string gap_reason(const std::vector<std::pair<Eigen::Vector3d, std::string>>& lost, const Eigen::Vector3d& from,
+                       const Eigen::Vector3d& to) {
+  std::map<std::string, int> reasons;
+  const double length = (to - from).norm();
+  for (const auto& [point, reason] : lost) {
+    const double along = (point - from).dot(to - from) / (length * length);
+    if (along > 0.0 && along < 1.0 && (point - from - along * (to - from)).norm() < length + 10.0) ++reasons[reason];
+  }
+  std::string best = "no edge of the surface was seen";
+  int most = 2;
+  for (const auto& [reason, count] : reasons) {
+    if (count <= most) continue;
+    most = count;
+    best = reason;
+  }
+  return best;
+}
+
+}  // namespace
+
+Result<> HoleEdgeOptions::validate() const {
+  const auto bad = [](const std::string& what) { return fail(ErrorCode::kUsage, "hole edge options: " + what); };
+  if (roi_px && !((*roi_px)[0] < (*roi_px)[2] && (*roi_px)[1] < (*roi_px)[3]))
+    return bad("the region is empty; it is u0,v0,u1,v1 with u0 < u1 and v0 < v1");
+  if (!(cell_mm >= 0.0 && std::isfinite(cell_mm))) return bad(fmt::format("cell_mm is {}, it must be 0 or more", cell_mm));
+  if (!(surface_guard_px >= 0.0 && surface_reach_px >= surface_guard_px + 5.0))
+    return bad(
+        fmt::format("the surface is fitted from {} to {} px: at least 5 px are asked for", surface_guard_px, surface_reach_px));
+  if (!(max_off_face_mm > 0.0)) return bad(fmt::format("max_off_face_mm is {}, it must be positive", max_off_face_mm));
+  if (!(max_turn_rad > 0.0 && max_turn_rad < 1.5)) return bad(fmt::format("max_turn_rad is {}, not in (0, 1.5)", max_turn_rad));
+  if (!(max_w > 0.0)) return bad(fmt::format("max_w is {}, it must be positive", max_w));
+  if (!(min_gap_cells >= 1.0)) return bad(fmt::format("min_gap_cells is {}, it must be 1 or more", min_gap_cells));
+  return {};
+}
+
+Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const HoleEdgeOptions& options,
+                                const base::Progress& progress) {
+  if (auto ok = options.validate(); !ok) return fail(std::move(ok));
+  HoleEdge result;
+  HoleEdge::Counts& counts = result.counts;
+  std::vector<RimCandidate> all;
+  std::vector<std::pair<Eigen::Vector3d, std::string>> lost;
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    if (progress.cancelled()) return base::cancelled("edge");
+    result.curve.stations.push_back(stations[i].name);
+    auto found = detail::candidates_of(stations[i], static_cast<int>(i), options, counts);
+    for (const RimCandidate& shadow : found.shadows) lost.emplace_back(shadow.point_mm, "a shadow lies there");
+    all.insert(all.end(), found.rim.begin(), found.rim.end());
+  }
+  const auto face = detail::find_face(all, options.max_off_face_mm);
+  if (!face) return tl::unexpected(face.error());
+
+  // What lies on the face, then what has the hole on its outer side.
+  std::vector<RimCandidate> on_face;
+  for (const RimCandidate& candidate : all) {
+    const bool off = std::abs(face->off_mm(candidate.point_mm)) > options.max_off_face_mm ||
+                     candidate.normal.dot(face->normal_at(candidate.point_mm)) < std::cos(options.max_turn_rad);
+    if (off) {
+      ++counts.off_face;
+      lost.emplace_back(candidate.point_mm, "the edge there is that of another surface");
+      continue;
+    }
+    const auto mask = std::find_if(options.masks.begin(), options.masks.end(), [&](const MaskedDisc& disc) {
+      return (candidate.point_mm - disc.centre_mm).norm() < disc.radius_mm;
+    });
+    if (mask != options.masks.end()) {
+      ++counts.masked;
+      lost.emplace_back(candidate.point_mm, mask->name + " lies there");
+      continue;
+    }
+    on_face.push_back(candidate);
+  }
+  std::vector<RimCandidate> rim = detail::facing_inwards(on_face, *face, counts.inwards);
+  std::erase_if(rim, [&](const RimCandidate& candidate) { return !in_arc(options, candidate.angle_rad); });
+  auto cells = detail::cells_of(rim, *face, options.cell_mm);
+  if (!cells) {
+    return fail(
+        cells.error().code,
+        fmt::format("{} (in the region: {} shadows, {} without surface, {} on other surfaces, {} outer contours, {} masked)",
+                    cells.error().message, counts.shadow, counts.no_surface, counts.off_face, counts.inwards, counts.masked));
+  }
+  std::vector<Cell> points;
+  for (std::size_t i = 0; i < cells->size(); ++i) {
+    std::vector<const RimCandidate*> members;
+    const RimLine line = detail::line_about(*cells, i);
+    if (!line.known) continue;
+    const detail::RimCell& cell = (*cells)[i];
+    for (std::size_t m = 0; m < cell.members.size(); ++m) {
+      const RimCandidate* member = cell.members[m];
+      const double off = line.off_mm(member->point_mm);
+      if (cell.inner[m]) {
+        ++counts.inner;
+        lost.emplace_back(member->point_mm, "only the far side of a chamfer was seen");
+      } else if (std::abs(off) > options.max_w * std::hypot(member->sigma_mm, line.scatter_mm)) {
+        ++counts.stray;
+        lost.emplace_back(member->point_mm, "edges contradict each other");
+      } else {
+        members.push_back(member);
+        ++counts.used;
+      }
+    }
+    if (!members.empty()) points.push_back(fuse(voices_of(members, line), line, *face, options.max_w, counts));
+  }
+  if (points.size() < 3) return fail(ErrorCode::kNoUniqueSolution, "the edges in the region do not form a rim");
+
+  // Arc length, beginning after the widest gap.
+  const double gap = options.min_gap_cells * cells->cell_mm();
+  const auto next = [&](std::size_t i) { return (i + 1) % points.size(); };
+  std::size_t widest = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto length = [&](std::size_t at) { return (points[next(at)].point_mm - points[at].point_mm).norm(); };
+    if (length(i) > length(widest)) widest = i;
+  }
+  base::EdgeCurve& curve = result.curve;
+  curve.closed = (points[next(widest)].point_mm - points[widest].point_mm).norm() <= gap && !options.arc_rad;
+  if (!curve.closed) std::rotate(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(next(widest)), points.end());
+  std::vector<double> off;
+  result.roughness_factor = roughness(points, cells->reach_mm(), off);
+  curve.shared_mm = shared_parts(points, stations);
+  double s = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    Cell& here = points[i];
+    if (i > 0) {
+      const double step = (here.point_mm - points[i - 1].point_mm).norm();
+      if (step > gap) curve.gaps.push_back({s, step, gap_reason(lost, points[i - 1].point_mm, here.point_mm)});
+      s += step;
+    }
+    base::EdgePoint point;
+    point.s_mm = s;
+    point.point_mm = here.point_mm;
+    point.normal = here.normal;
+    // Across leads away from the material; u = normal x tangent as the noun has it.
+    const Eigen::Vector3d ahead =
+        i + 1 < points.size() ? points[i + 1].point_mm - here.point_mm : here.point_mm - points[i - 1].point_mm;
+    Eigen::Vector3d tangent = here.across.cross(here.normal);
+    if (tangent.dot(ahead) < 0.0) tangent = -tangent;
+    point.tangent = tangent;
+    const Eigen::Vector3d u = point.normal.cross(point.tangent);
+    here.sigma_mm *= result.roughness_factor;
+    const Eigen::Vector3d by_surface = here.surface_sigma_mm * (here.normal + here.lean * here.across);
+    point.cov_mm2 = here.sigma_mm * here.sigma_mm * u * u.transpose() + by_surface * by_surface.transpose();
+    Eigen::Matrix3d whole = point.cov_mm2;
+    if (curve.shared_mm.cols() > 0) {
+      const auto rows = curve.shared_mm.middleRows(3 * static_cast<Eigen::Index>(i), 3);
+      whole += rows * rows.transpose();
+    }
+    point.sigma_u_mm = std::sqrt(u.dot(whole * u));
+    point.sigma_v_mm = std::sqrt(point.normal.dot(whole * point.normal));
+    RimPoint detail_of;
+    detail_of.off_neighbours_mm = off[i];
+    for (const Voice& voice : here.voices) {
+      if (std::find(point.stations.begin(), point.stations.end(), voice.station) == point.stations.end())
+        point.stations.push_back(voice.station);
+      const auto camera = static_cast<std::size_t>(voice.camera);
+      detail_of.pixels[camera] += voice.pixels;
+      detail_of.off_mm[camera] = voice.off_mm - here.off_mm;
+      detail_of.sigma_mm[camera] = voice.sigma_mm;
+      detail_of.band_mm = std::max(detail_of.band_mm, voice.band_mm);
+    }
+    curve.points.push_back(point);
+    result.points.push_back(detail_of);
+  }
+  curve.length_mm = s + (curve.closed ? (points.front().point_mm - points.back().point_mm).norm() : 0.0);
+  if (!curve.closed && !options.arc_rad) {
+    curve.gaps.push_back({s, (points.front().point_mm - points.back().point_mm).norm(),
+                          gap_reason(lost, points.back().point_mm, points.front().point_mm)});
+  }
+  return result;
+}
+
+}  // namespace crosstie::edge
