@@ -106,7 +106,9 @@ std::vector<std::string> Job::board_cameras() const {
   return names;
 }
 
-std::filesystem::path Job::resolve(const std::filesystem::path& path) const { return (folder / path).lexically_normal(); }
+std::filesystem::path Job::resolve(const std::filesystem::path& relative) const {
+  return (folder / relative).lexically_normal();
+}
 
 Result<Job> read_job(const std::filesystem::path& folder_or_file) {
   std::error_code ignored;

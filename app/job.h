@@ -222,7 +222,7 @@ struct Job {
 
   /// The cameras that the board calibrates: of a rig in its order, else by name.
   [[nodiscard]] std::vector<std::string> board_cameras() const;
-  [[nodiscard]] std::filesystem::path resolve(const std::filesystem::path& path) const;
+  [[nodiscard]] std::filesystem::path resolve(const std::filesystem::path& relative) const;
 };
 
 /// Reads a job folder or its job.toml. Unknown keys, wrong types and missing sections are kBadInput Errors with file and line.
