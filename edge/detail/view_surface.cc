@@ -45,7 +45,7 @@ Fit fit(const std::vector<Depth>& depths, int unknowns) {
     for (int j = unknowns; j < 4; ++j) normal(j, j) = 1.0;
     for (std::size_t i = 0; i < depths.size(); ++i) {
       Eigen::Vector4d row = depths[i].row / depths[i].sigma;
-      row.tail(4 - unknowns).setZero();
+      for (int j = unknowns; j < 4; ++j) row(j) = 0.0;
       normal += weights[i] * row * row.transpose();
       right += weights[i] * depths[i].inverse / depths[i].sigma * row;
     }
