@@ -77,6 +77,15 @@ std::string figures_table(const Calibration& calibration, const CalibrationMaps&
   return table.html();
 }
 
+/// Length of the difference over its sigma; cells that did not count stay blank.
+Eigen::VectorXd over_sigma(const base::ProjectionDifference& difference) {
+  Eigen::VectorXd values = difference.difference_px.colwise().norm().transpose().cwiseQuotient(difference.sigma_px);
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    if (!difference.compared[static_cast<std::size_t>(i)]) values(i) = std::nan("");
+  }
+  return values;
+}
+
 std::string lens_changes(const CalibrationChange& change) {
   HtmlTable table(
       fmt::format("Projections of each camera against the earlier model, at {} mm, after the motion of the camera's frame that "
@@ -103,10 +112,10 @@ std::string lens_changes(const CalibrationChange& change) {
       row.push_back(number_cell(significant(difference.test->rms_sigma_px), difference.test->rms_sigma_px));
       row.push_back(number_cell(fixed(ratio, 2), ratio, difference.test->exceeded() ? "warning" : ""));
       row.push_back(number_cell(significant(difference.test->p, 2), difference.test->p));
-      maps.push_back(figure(
-          image_map(difference.grid, difference.difference_px.colwise().norm().transpose().cwiseQuotient(difference.sigma_px),
-                    fmt::format("Change over its sigma, camera {}", lens.name), "change", {.unit = "sigmas"}),
-          "Length of the difference of the projections over its predicted sigma; neighbouring cells are correlated."));
+      maps.push_back(
+          figure(image_map(difference.grid, over_sigma(difference), fmt::format("Change over its sigma, camera {}", lens.name),
+                           "change", {.unit = "sigmas"}),
+                 "Length of the difference of the projections over its predicted sigma; neighbouring cells are correlated."));
     } else {
       row.insert(row.end(), 3, text_cell("\u2013"));
     }
@@ -144,13 +153,12 @@ std::string rig_change(const CalibrationChange::Rig& rig) {
 }  // namespace
 
 std::string calibration_maps_section(const Calibration& calibration, const CalibrationMaps& maps) {
-  std::string html =
-      paragraph(fmt::format("What the joint covariance of lenses, rig and boards says of a point {} mm away, the distance at "
-                            "which the boards were seen. "
-                            "It is the calibration's part alone: the noise of a later measurement comes on top, and no number "
-                            "of measurements averages it "
-                            "away. Outside of the calibrated cells the lens model is extrapolated.",
-                            plain(maps.distance_mm)));
+  std::string html = paragraph(
+      fmt::format("What the joint covariance of lenses, rig and boards says of a point {} mm away, the working distance. "
+                  "It is the calibration's part alone: the noise of a later measurement comes on top, and no number "
+                  "of measurements averages it "
+                  "away. Outside of the calibrated cells the lens model is extrapolated.",
+                  plain(maps.distance_mm)));
   html += figures_table(calibration, maps);
   for (std::size_t c = 0; c < maps.cameras.size(); ++c) html += camera_maps(maps.cameras[c], calibration.cameras.at(c).name);
   if (maps.in_rig || maps.on_boards) html += "<h3>Points that both cameras see</h3>\n";
