@@ -88,9 +88,7 @@ Result<ScanFolder> read_scan_folder(const fs::path& folder, const std::string& h
     return fail(head.error().code, fmt::format("{} (the head of {}; --rig names it where it lies elsewhere)",
                                                head.error().message, folder.string()));
   }
-  ScanFolder scan;
-  scan.head = std::move(head->head);
-  scan.files = std::move(head->files);
+  ScanFolder scan{.head = std::move(head->head), .edges = {}, .depth_mm = {}, .sigma_mm = {}, .files = std::move(head->files)};
   if (auto ok = read_depths(folder / "cloud.ply", size->width, size->height, scan); !ok) return fail(std::move(ok));
   auto edges = base::read_edge_pixels(folder / "edge_pixels.csv");
   if (!edges) return fail(std::move(edges));
