@@ -131,13 +131,13 @@ Result<base::ScenePlan> plan_scene(const Scene& scene, const ScenePlanOptions& o
         fmt::format("the scene {} has nothing to be measured: neither photographs nor a board nor stations of a machine",
                     scene.name));
   }
+  if (!parts.machine && !options.points_mm.empty()) {
+    return fail(ErrorCode::kUsage, fmt::format("the scene {} has no machine in which a point could be meant", scene.name));
+  }
   auto prediction = predict(scene, options.survey, options.power, nullptr, session.progress());
   if (!prediction) return fail(std::move(prediction));
   std::vector<Eigen::Vector3d> places = options.points_mm;
   if (prediction->machine && places.empty()) places = usual_points(prediction->machine->expected);
-  if (!prediction->machine && !places.empty()) {
-    return fail(ErrorCode::kUsage, fmt::format("the scene {} has no machine in which a point could be meant", scene.name));
-  }
 
   base::ScenePlan plan{
       .scene = scene.name, .image_sigma_px = options.survey.image_sigma_px, .corner_sigma_px = options.survey.corner_sigma_px};

@@ -84,7 +84,7 @@ TEST_F(Compare, ChoosesCamerasOfResults) {
 
 TEST_F(Compare, WritesAResult) {
   const std::string out = (folder_ / "out").string();
-  const VerbAnswer answer = compare({a_, b_, "--out", out, "--columns", "16", "--distance-mm", "900"});
+  const VerbAnswer answer = compare({a_, b_, "--out", out, "--columns", "16"});
   ASSERT_FALSE(answer.error) << answer.error->message;
   const auto result = base::read_json(folder_ / "out/result.json");
   ASSERT_TRUE(result) << result.error().message;
