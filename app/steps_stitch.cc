@@ -118,23 +118,21 @@ Result<registration::MarkerReference> read_reference(const StitchTask& task) {
   return reference;
 }
 
+/// The head in the machine's frame, else the calibrated one; nothing where neither is there, or where nothing is known of its errors.
 Result<std::optional<registration::CommissionedHead>> read_commissioned(const StitchTask& task) {
-  std::optional<registration::CommissionedHead> result;
+  using Found = std::optional<registration::CommissionedHead>;
   if (task.commission) {
     const auto commissioning = base::read_commissioning(*task.commission);
     if (!commissioning) return tl::unexpected(commissioning.error());
     auto head = registration::CommissionedHead::of(*commissioning);
     if (!head) return fail(head.error().code, fmt::format("{}: {}", task.commission->string(), head.error().message));
-    result = *std::move(head);
-  } else if (task.calibration) {
-    const auto head = read_head(task.calibration->string(), 0, 0);
-    if (!head) return tl::unexpected(head.error());
-    if (head->head.cov.size() > 0) {
-      result = registration::CommissionedHead{head->head, {}, head->head.cov};
-      result->frame.cov = Eigen::MatrixXd(0, 0);
-    }
+    return Found(*std::move(head));
   }
-  return result;
+  if (!task.calibration) return Found();
+  const auto head = read_head(task.calibration->string(), 0, 0);
+  if (!head) return tl::unexpected(head.error());
+  if (head->head.cov.size() == 0) return Found();
+  return Found(registration::CommissionedHead::calibrated(head->head));
 }
 
 Result<registration::StationScan> read_station(const StitchTask& task, const StitchTask::Station& station) {

@@ -334,6 +334,8 @@ std::vector<Vector3d> places_of(const StitchInput& input) {
 
 }  // namespace
 
+CommissionedHead CommissionedHead::calibrated(const base::Head& head) { return {head, {}, head.cov}; }
+
 Result<CommissionedHead> CommissionedHead::of(const base::Commissioning& commissioning) {
   CommissionedHead result{commissioning.head, commissioning.frame, {}};
   std::vector<std::string> wanted;

@@ -48,6 +48,8 @@ struct CommissionedHead {
 
   /// Takes both with their correlations out of a commissioning. kBadInput where its covariance does not hold them.
   static base::Result<CommissionedHead> of(const base::Commissioning& commissioning);
+  /// A head that nothing ties to the machine.
+  static CommissionedHead calibrated(const base::Head& head);
 };
 
 struct StitchInput {
