@@ -308,7 +308,7 @@ INSTANTIATE_TEST_SUITE_P(
                     ASSERT_TRUE(base::write_pattern_manifest(job / "x0850" / "patterns.json", other));
                   },
                   3, "x0850"}),
-    [](const auto& info) { return std::string(info.param.name); });
+    [](const auto& tested) { return std::string(tested.param.name); });
 
 }  // namespace
 }  // namespace crosstie
