@@ -134,6 +134,7 @@ struct Surface::Moments {
   std::array<double, 4> third = {};  ///< means of uuu, uuv, uvv, vvv
   Vector3d mean;                     ///< of the points
   Vector3d plane;                    ///< normal of their plane
+  double steadied = 1.0;             ///< sigma of the normal with its neighbours' help over that without
   double scatter_mm2 = 0.0;          ///< about it
 };
 
@@ -270,7 +271,7 @@ Result<Surface> Surface::make(const base::Cloud& cloud, const SurfaceOptions& op
     const double variance = options.sigma_mm ? known[i] : std::max(known[i], observed);
     noise.push_back(std::sqrt(variance));
     piece.sigma_mm = std::sqrt(variance / piece.count);
-    piece.tilt_rad = std::sqrt(variance / piece.count * spreads[i]);
+    piece.tilt_rad = shapes[i].steadied * std::sqrt(variance / piece.count * spreads[i]);
   }
   surface.noise_mm_ = median(std::move(noise));
 
@@ -289,39 +290,46 @@ void Surface::build_tree() {
 
 /// With heights z = -x'K x / 2 over a piece's tangent plane (K positive where the surface bends away from the normal's side) the normals are
 /// n(x) = n + K x. K comes from the neighbours' normals.
-void Surface::unbend(const std::vector<Moments>& moments) {
+void Surface::unbend(std::vector<Moments>& moments) {
+  using Matrix5d = Eigen::Matrix<double, 5, 5>;
+  using Vector5d = Eigen::Matrix<double, 5, 1>;
+  std::vector<Vector3d> raw(pieces_.size());  // normals without their neighbours' help
+  for (std::size_t i = 0; i < pieces_.size(); ++i) raw[i] = pieces_[i].normal;
   const double reach = kNeighbourCells * cell_mm_;
   const nanoflann::SearchParams unsorted(32, 0.0F, false);
   std::vector<std::pair<std::uint32_t, double>> near;
   for (int round = 0; round < kUnbendRounds; ++round) {
-    const std::vector<SurfacePiece> before = pieces_;
+    const std::vector<Vector3d> before = raw;
+    const bool last = round + 1 == kUnbendRounds;
     for (std::size_t i = 0; i < pieces_.size(); ++i) {
       const Moments& shape = moments[i];
       near.clear();
       tree_->index->radiusSearch(shape.mean.data(), reach * reach, near, unsorted);
       std::sort(near.begin(), near.end());
-      Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-      Vector3d right = Vector3d::Zero();
+      // Unknown: K uu, uv, vv over a cell, and the correction of this normal; its own observation is that there is none.
+      Matrix5d normal = Matrix5d::Zero();
+      normal.bottomRightCorner<2, 2>().setIdentity();
+      Vector5d right = Vector5d::Zero();
       std::size_t used = 0;
       for (const auto& [other, square] : near) {
         if (other == i) continue;
-        const SurfacePiece& piece = before[other];
-        const double cosine = piece.normal.dot(before[i].normal);
+        const double cosine = before[other].dot(before[i]);
         if (std::abs(cosine) < std::cos(kBent_rad)) continue;
-        const Vector3d off = piece.point_mm - before[i].point_mm;
-        const Vector3d change = (cosine < 0.0 ? Vector3d(-piece.normal) : piece.normal) - before[i].normal;
+        const Vector3d off = (moments[other].mean - shape.mean) / cell_mm_;
+        const Vector3d change = (cosine < 0.0 ? Vector3d(-before[other]) : before[other]) - before[i];
         const Eigen::Vector2d at(shape.u.dot(off), shape.v.dot(off));
         const Eigen::Vector2d bend(shape.u.dot(change), shape.v.dot(change));
-        Eigen::Matrix<double, 2, 3> rows;  // of K: uu, uv, vv
-        rows << at.x(), at.y(), 0.0, 0.0, at.x(), at.y();
+        Eigen::Matrix<double, 2, 5> rows;
+        rows << at.x(), at.y(), 0.0, 1.0, 0.0, 0.0, at.x(), at.y(), 0.0, 1.0;
         normal += rows.transpose() * rows;
         right += rows.transpose() * bend;
         ++used;
       }
       if (used < kLeastNeighbours) continue;
-      const Eigen::LDLT<Eigen::Matrix3d> ldlt(normal);
+      const Eigen::LDLT<Matrix5d> ldlt(normal);
       if (ldlt.info() != Eigen::Success || ldlt.vectorD().minCoeff() < 1e-3 * ldlt.vectorD().maxCoeff()) continue;
-      const Vector3d k = ldlt.solve(right);
+      const Vector5d solved = ldlt.solve(right);
+      const Vector3d k = solved.head<3>() / cell_mm_;
       const double below = 0.5 * (k(0) * shape.second(0, 0) + k(2) * shape.second(1, 1));
       // Slope of the plane through z = -x'K x / 2: C^-1 mean(x z).
       const auto& t = shape.third;
@@ -330,7 +338,11 @@ void Surface::unbend(const std::vector<Moments>& moments) {
       const Eigen::Vector2d slope(mixed.x() / shape.second(0, 0), mixed.y() / shape.second(1, 1));
       pieces_[i].point_mm = shape.mean + below * shape.plane;
       // A plane z = s x has the normal (-s, 1); the slope that the bend makes is taken away.
-      pieces_[i].normal = (shape.plane + slope.x() * shape.u + slope.y() * shape.v).normalized();
+      raw[i] = (shape.plane + slope.x() * shape.u + slope.y() * shape.v).normalized();
+      if (!last) continue;
+      pieces_[i].normal = (raw[i] + solved(3) * shape.u + solved(4) * shape.v).normalized();
+      const Matrix5d inverse = ldlt.solve(Matrix5d::Identity());
+      moments[i].steadied = std::sqrt(0.5 * (inverse(3, 3) + inverse(4, 4)));
     }
   }
 }

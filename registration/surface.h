@@ -30,7 +30,8 @@ struct SurfacePiece {
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();  ///< mean of its points
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
   double sigma_mm = 0.0;  ///< of point_mm along the normal, its points taken as independent
-  double tilt_rad = 0.0;  ///< sigma of the normal in either direction
+  double tilt_rad =
+      0.0;  ///< sigma of the normal of its own points in either direction; neighbours steady it, but then err together
   int count = 0;
   bool border = false;  ///< the surface ends here: it has no neighbours on one side
 };
@@ -39,7 +40,7 @@ struct SurfacePiece {
 ///
 /// A piece of a curved surface: the mean of its points lies below the surface, by half of trace(K C) with K the curvature (how the normals of
 /// the neighbouring pieces change) and C the second moments of the points in the piece; and where points lie to one side the fitted plane
-/// tilts. Both are taken away.
+/// tilts. Both are taken away. The neighbours' normals, carried over with K, steady the normal.
 ///
 /// The cells are cubes of a grid that is turned against the axes, so that no flat part lies along its walls. A cell whose points do not
 /// span a plane (on a line, thick, fewer than six) gives no piece. Pieces of one scan share no points, so their noise is independent
@@ -69,7 +70,7 @@ class Surface {
   Surface() = default;
   struct Moments;
   void find_borders();
-  void unbend(const std::vector<Moments>& moments);
+  void unbend(std::vector<Moments>& moments);
   void build_tree();
 
   std::vector<SurfacePiece> pieces_;
