@@ -35,7 +35,7 @@ struct Painted {
   int id;
   double along_mm, down_mm;  ///< on the wall, from where the left camera's axis meets it
 };
-const std::array<Painted, 4> kPainted = {{{3, -60.0, -90.0}, {17, 60.0, 80.0}, {40, 190.0, -80.0}, {59, 200.0, 95.0}}};
+const std::array<Painted, 4> kPainted = {{{3, -60.0, -90.0}, {15, 60.0, 80.0}, {42, 190.0, -80.0}, {60, 200.0, 95.0}}};
 
 const Eigen::Vector3d kAlong(std::cos(kTilt_rad), 0.0, -std::sin(kTilt_rad));
 
@@ -282,8 +282,8 @@ INSTANTIATE_TEST_SUITE_P(
                   [](const fs::path& job) { swap_files(job / "x0850" / "left" / "03.png", job / "x0850" / "left" / "04.png"); },
                   3, "Gray code of the axis x does not agree with the fringes"},
         WrongScan{"ExchangedFringes", true,
-                  [](const fs::path& job) { swap_files(job / "x0850" / "left" / "08.png", job / "x0850" / "left" / "09.png"); },
-                  3, "steps are not those of the manifest"},
+                  [](const fs::path& job) { swap_files(job / "x0850" / "left" / "09.png", job / "x0850" / "left" / "10.png"); },
+                  3, "the images are in another order than the manifest says"},
         WrongScan{"MovedScene", true,
                   [](const fs::path& job) {
                     tests::SyntheticScan after = painted_wall();
