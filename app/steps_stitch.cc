@@ -225,13 +225,9 @@ Result<StitchTask> stitch_task(const Job& job, const fs::path& results) {
   task.title = job.name;
   if (fs::exists(results / "commission" / "result.json")) task.commission = results / "commission";
   if (fs::exists(results / "calibrate" / "result.json")) task.calibration = results / "calibrate";
-  std::vector<std::string> missing;
   for (const JobStation& station : job.stations) {
     const fs::path scan = results / "scan" / station.name;
-    if (!fs::exists(scan / "result.json")) {
-      missing.push_back(station.name);
-      continue;
-    }
+    if (!station.scan || !fs::exists(scan / "result.json")) continue;
     task.stations.push_back({station.name, task.commission ? std::optional(station.axis_mm) : std::nullopt, scan});
   }
   if (task.stations.size() < 2) {

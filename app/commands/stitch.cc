@@ -52,7 +52,9 @@ Result<Outcome> finish(const Result<StepOutcome>& step, Session& session) {
 Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto out = arguments.get("--out");
   if (arguments.has("--surface-only")) {
-    if (arguments.has("JOB")) return fail(ErrorCode::kUsage, "give a JOB or --surface-only with clouds, not both");
+    if (arguments.has("JOB") || arguments.has("--markers")) {
+      return fail(ErrorCode::kUsage, "--surface-only goes neither with a JOB nor with --markers");
+    }
     if (!out) return fail(ErrorCode::kUsage, "--surface-only needs --out, the folder for the result");
     SurfaceStitchTask task;
     for (const std::string& path : arguments.all("--surface-only")) task.clouds.emplace_back(path);
@@ -68,6 +70,12 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   auto task = stitch_task(*job, results);
   if (!task) return fail(std::move(task));
   if (auto set = set_options(arguments, session, *task); !set) return fail(std::move(set));
+  if (const auto markers = arguments.get("--markers")) task->reference = *markers;
+  if (const auto frame = arguments.get("--markers-frame")) {
+    if (*frame != "machine" && *frame != "part") return fail(ErrorCode::kUsage, "--markers-frame is machine or part");
+    if (!task->reference) return fail(ErrorCode::kUsage, "--markers-frame goes with --markers");
+    task->reference_in_part = *frame == "part";
+  }
   return finish(stitch_step(*task, out ? std::filesystem::path(*out) : results / "stitch", session), session);
 }
 
@@ -85,6 +93,9 @@ Verb stitch_verb() {
        {"--surface-only", "A.ply B.ply",
         "instead: two clouds of a part whose surface alone determines the motion between them; others are refused", false,
         false, 2},
+       {"--markers", "FILE", "coordinates of the markers round the hole with sigmas, as somebody measured them", false, false},
+       {"--markers-frame", "FRAME",
+        "of those coordinates: machine, or part where they have a frame of their own (default machine)", false, false},
        {"--out", "DIR", "folder for the result (default: JOB/results/stitch)", false, false},
        {"--cell-mm", "MM", "edge of the cells in which points become one (default 2)", false, false},
        {"--piece-mm", "MM",
@@ -94,7 +105,7 @@ Verb stitch_verb() {
        {"--reach-mm", "MM",
         "how far partners are sought in the first round (default: 0.8 pieces; with --surface-only 5 % of the size)", false,
         false},
-       {"--max-icp-rounds", "N", "rounds of matching (ICP) after which pairs are held (default 40)", false, false}},
+       {"--max-icp-rounds", "N", "rounds of matching (ICP) after which pairs are held (default 20)", false, false}},
       run};
 }
 

@@ -128,7 +128,7 @@ temperature_c = 23.5
 name = "x0850"
 axis_mm = 850.0
 cross = { left = "cross/x0850_l.png", right = "cross/x0850_r.png" }
-scan = { left = "scan/x0850/left" }
+scan = { left = "scan/x0850/left", right = "scan/x0850/right", manifest = "scan/patterns.json" }
 [[station]]
 name = "x0100"
 axis_mm = -100.0

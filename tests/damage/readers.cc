@@ -369,7 +369,7 @@ std::vector<Reader> readers() {
   all.push_back(
       {"nominal hole",
        {"x_mm,y_mm,z_mm,nx,ny,nz\n1.25,0,0,0,0,1\n100,0,0,0,0,1\n100,50,0,0,0,1\n0,50,0,0,0,1\n", true, false, "1.25"},
-       answer([](const fs::path& p) { return edge::read_nominal(p); })});
+       answer([](const fs::path& p) { return edge::read_nominal(p, {.unit = "mm"}); })});
   all.push_back(
       {"vnl",
        {"# filename x y level\nleft01.jpg 244.25 94.5 0\nleft01.jpg 274.5 92.25 1\nleft02.jpg - -\n", true, false, "244.25"},

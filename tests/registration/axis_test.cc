@@ -52,8 +52,10 @@ CommissionedHead make_head() {
   return head;
 }
 
-/// What the commissioned head makes of the pixels in which the true one sees a point: the middle between both rays.
-std::optional<Eigen::Vector3d> as_measured(const base::Head& stated, const base::Head& truth, const Eigen::Vector3d& p_in_rig) {
+/// What the commissioned head makes of the pixels in which the true one sees a point: of a scan the place on the left ray that is nearest to the
+/// right one, of a marker the middle between both rays.
+std::optional<Eigen::Vector3d> as_measured(const base::Head& stated, const base::Head& truth, const Eigen::Vector3d& p_in_rig,
+                                           bool marker) {
   const auto left = truth.left.project(p_in_rig);
   const auto right = truth.right.project(truth.right_from_left * p_in_rig);
   if (!left || !right) return {};
@@ -64,7 +66,9 @@ std::optional<Eigen::Vector3d> as_measured(const base::Head& stated, const base:
   const Eigen::Vector3d b = rig_from_right.rotation * *ray;
   const Eigen::Vector3d& c = rig_from_right.translation_mm;
   const double ab = a->dot(b);
-  return Eigen::Vector3d((a->dot(c) - ab * b.dot(c)) / (1.0 - ab * ab) * *a);
+  const Eigen::Vector3d on_left = (a->dot(c) - ab * b.dot(c)) / (1.0 - ab * ab) * *a;
+  if (!marker) return on_left;
+  return Eigen::Vector3d(0.5 * (on_left + c + (ab * a->dot(c) - b.dot(c)) / (1.0 - ab * ab) * b));
 }
 
 struct Travel {
@@ -106,12 +110,13 @@ Travel make_travel(std::uint64_t seed, const CommissionedHead& stated, int point
     const tests::Window window{.along_mm = pose.translation_mm.x() + 400.0, .length_mm = 700.0, .height_mm = 400.0};
     for (std::size_t i = 0; i < places.size(); ++i) {
       if (std::abs(places[i].x() - window.along_mm) > 340.0) continue;
-      const auto seen = as_measured(stated.head, travel.true_head, pose.inverse() * places[i]);
+      const auto seen = as_measured(stated.head, travel.true_head, pose.inverse() * places[i], true);
       if (seen)
         station.markers.push_back({static_cast<int>(i), *seen + scanner.normal3(0.01), 1e-4 * Eigen::Matrix3d::Identity()});
     }
     base::Cloud cloud = scanner.cloud(shell, window, pose, points, 0.02);
-    for (Eigen::Vector3d& point : cloud.points) point = as_measured(stated.head, travel.true_head, point).value_or(point);
+    for (Eigen::Vector3d& point : cloud.points)
+      point = as_measured(stated.head, travel.true_head, point, false).value_or(point);
     cloud.fields.push_back({"sigma_mm", std::vector<double>(cloud.points.size(), 0.02)});
     auto surface = Surface::make(cloud);
     EXPECT_TRUE(surface) << surface.error().message;
