@@ -11,7 +11,7 @@ namespace {
 constexpr int kSampleEvery = 5;
 constexpr float kJumpSlopes = 4.0F;
 constexpr float kJumpSigmas = 6.0F;
-constexpr float kCreaseSlopes = 0.1F;
+constexpr float kCreaseSlopes = 0.3F;
 constexpr float kCreaseSigmas = 5.0F;
 constexpr float kFading = 2.0F;  // times the largest sigma that is taken: light that fades, no end of a surface
 
