@@ -58,6 +58,7 @@ ordered_json effective_options(const ScanTask& task) {
       {"max_epipolar_sigmas", task.match.max_epipolar_sigmas},
       {"max_epipolar_px", task.match.max_epipolar_px},
       {"guard_px", task.match.guard_px},
+      {"guard_creases", task.match.guard_creases},
       {"max_grazing_rad", task.cloud.max_grazing_rad},
       {"max_surface_sigmas", task.cloud.max_surface_sigmas},
       {"filter_radius_px", task.cloud.filter_radius_px},

@@ -345,7 +345,7 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
   target.second = right.x && right.y ? &*right.y : nullptr;
   const PhasePlane& first = x_first ? *left.x : *left.y;
   const PhasePlane* second = left.x && left.y ? &*left.y : nullptr;
-  target.good = detail::guarded_pixels(right, options.guard_px);
+  target.good = detail::guarded_pixels(right, options.guard_px, options.guard_creases);
   target.x_px.resize(right.status.size());
   target.y_px.resize(right.status.size());
   const auto right_width = static_cast<std::size_t>(right.width);
@@ -379,7 +379,7 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
   }
 
   const Matcher matcher(right, target, options);
-  const std::vector<char> good = detail::guarded_pixels(left, options.guard_px);
+  const std::vector<char> good = detail::guarded_pixels(left, options.guard_px, options.guard_creases);
   DepthMap map;
   map.width = left.width;
   map.height = left.height;

@@ -20,7 +20,10 @@ struct MatchOptions {
   double max_epipolar_sigmas = 5.0;
   double max_epipolar_px = 1.0;
   int guard_px = 2;  ///< pixels nearer than this to where the phase ends or jumps see two surfaces
-  int threads = 0;   ///< 0: as many as the machine has; no effect on the outcome
+  /// Leaves out creases of a surface, too, such as between the face and the cut of a hole: pixels there see both sides. Rough and
+  /// strongly curved surfaces lose points by it.
+  bool guard_creases = false;
+  int threads = 0;  ///< 0: as many as the machine has; no effect on the outcome
 
   [[nodiscard]] base::Result<> validate() const;
 };

@@ -21,6 +21,7 @@ constexpr double kDegree = 0.017453292519943295;
 Result<> read_options(const Arguments& arguments, Session& session, ScanTask& task) {
   task.write_covariance = arguments.has("--covariance");
   task.write_pcd = arguments.has("--pcd");
+  task.match.guard_creases = arguments.has("--guard-creases");
   task.decode.threads = task.match.threads = task.cloud.threads = task.edges.threads = session.threads();
   struct Number {
     const char* name;
@@ -151,7 +152,8 @@ Verb scan_verb() {
            {"--right", "DIR", "folder of the right camera's images", false, false},
            {"--manifest", "FILE", "which image shows what: patterns.json as patterns writes it", false, false},
            {"--out", "DIR",
-            "folder for cloud.ply, depth.tiff, edge_pixels.csv and report; replaced as a whole (of a JOB: for a folder of each station, default "
+            "folder for cloud.ply, depth.tiff, edge_pixels.csv and report; replaced as a whole (of a JOB: for a folder of each "
+            "station, default "
             "JOB/results/scan)",
             false, false},
            {"--family", "FAMILY", "markers on the wall, such as ring10: they are measured, and the points on them left out",
@@ -180,6 +182,8 @@ Verb scan_verb() {
            {"--noise-read", "LEVELS2", "variance of a grey level without light, where the images cannot tell it (three steps)",
             false, false},
            {"--noise-shot", "LEVELS", "growth of that variance with the level", false, false},
+           {"--guard-creases", "",
+            "leave out creases, such as between the face and the cut of a hole; rough surfaces lose points", false, false},
            {"--pcd", "", "write cloud.pcd, too", false, false},
            {"--covariance", "", "write six covariances a point into cloud.ply", false, false}},
           run};

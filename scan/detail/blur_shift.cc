@@ -119,7 +119,7 @@ BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
   if (map.width <= 2 * kRadius || map.height <= 2 * kRadius) return shift;
   std::array<std::vector<float>, 2> lean;
   Sums sums;
-  const std::vector<char> one_surface = guarded_pixels(map, kGuard_px);
+  const std::vector<char> one_surface = guarded_pixels(map, kGuard_px, true);
   for (std::size_t i = 0; i < 2; ++i) {
     const auto& plane = i == 0 ? map.x : map.y;
     if (!plane) continue;

@@ -11,7 +11,7 @@ namespace {
 constexpr int kSampleEvery = 5;
 constexpr float kJumpSlopes = 4.0F;
 constexpr float kJumpSigmas = 6.0F;
-constexpr float kCreaseSlopes = 0.3F;
+constexpr float kCreaseSlopes = 0.1F;
 constexpr float kCreaseSigmas = 5.0F;
 constexpr float kFading = 2.0F;  // times the largest sigma that is taken: light that fades, no end of a surface
 
@@ -87,7 +87,7 @@ double median_slope(const base::PhasePlane& plane, int width, int height) {
   return std::max(median(across), median(down));
 }
 
-std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px) {
+std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px, bool creases) {
   std::vector<char> bad(map.status.size());
   float fading = 0.0F;
   for (std::size_t i = 0; i < bad.size(); ++i) {
@@ -100,7 +100,7 @@ std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px) {
   for (const auto* plane : {&map.x, &map.y}) {
     if (!*plane) continue;
     mark_jumps(**plane, map.width, map.height, bad);
-    mark_creases(**plane, map.width, map.height, bad);
+    if (creases) mark_creases(**plane, map.width, map.height, bad);
   }
   std::vector<char> along = bad;
   const auto w = static_cast<std::size_t>(map.width);

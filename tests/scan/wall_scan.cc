@@ -46,7 +46,7 @@ WallScan scan_wall(const fixtures::Scene& scene, const FringeStation& station, c
     EXPECT_TRUE(map) << map.error().message;
     if (map) result.maps[camera] = *std::move(map);
   }
-  auto depths = scan::match(result.maps[0], result.maps[1], head, {});
+  auto depths = scan::match(result.maps[0], result.maps[1], head, {.guard_creases = true});
   EXPECT_TRUE(depths) << depths.error().message;
   if (depths) result.depths = *std::move(depths);
   return result;
