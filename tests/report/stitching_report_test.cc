@@ -31,7 +31,7 @@ TEST(StitchingReport, IsWellFormedAndShowsEverySection) {
   for (const char* text :
        {"Where the stations are", "Which source tells which direction", "How the surfaces agree", "Drift along the row",
         "Markers", "Matching of the surfaces (ICP)", "iterative closest point", "a cylinder of radius 2150.0 mm", "x0400",
-        "tangential", "not joined", "the marker was moved in between", "U = "}) {
+        "tangential", "not joined", "the marker was moved in between", "U\u00a0=\u00a0"}) {
     EXPECT_THAT(page, HasSubstr(text));
   }
   if (const char* file = std::getenv("CROSSTIE_REPORT_OUT")) std::ofstream(file) << page;
