@@ -265,11 +265,12 @@ INSTANTIATE_TEST_SUITE_P(
                     pitch(job, {0.0, 25e-3, 0.0});
                   },
                   3, "off the epipolar curves"},
+        // From the texture of some places a pitch cannot be told from a baseline that turned upwards.
         WrongScan{"PitchedWithOneDirection", false,
                   [](const fs::path& job) {
                     pitch(job, {1e-3, 0.0, 0.0});
                   },
-                  3, "changed by pitch"},
+                  3, "off the epipolar curves"},
         WrongScan{"ExchangedCameras", true,
                   [](const fs::path& job) { swap_files(job / "x0850" / "left", job / "x0850" / "right"); }, 3,
                   "left and the right camera are exchanged"},
