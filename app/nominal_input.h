@@ -25,7 +25,7 @@ struct NominalInput {
 /// radius) or a normal that is not the shell's within 0.1 rad; those of edge::read_nominal().
 base::Result<NominalInput> nominal_input(const Job& job);
 
-/// `--nominal`: circle, ellipse, oval, superellipse (sizes fitted), or a file.
+/// `--nominal`: circle, ellipse, oval, superellipse (sizes fitted), or a file with points in `unit`; empty: its columns say it.
 base::Result<edge::Nominal> nominal_of(const std::string& word_or_file, const std::string& unit);
 
 }  // namespace crosstie::app

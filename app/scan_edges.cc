@@ -4,6 +4,7 @@
 
 #include "base/image.h"
 #include "scan/edge_pixels.h"
+#include "scan/right_depths.h"
 
 namespace crosstie::app {
 namespace {

@@ -12,12 +12,12 @@
 #include <nlohmann/json.hpp>
 
 #include "app/current.h"
+#include "app/nominal_input.h"
 #include "app/result_folder.h"
 #include "app/scan_folder.h"
 #include "base/result_document.h"
 #include "base/table.h"
 #include "base/text.h"
-#include "edge/nominal_file.h"
 #include "edge/nominal_fit.h"
 #include "report/edge_report.h"
 
@@ -44,20 +44,9 @@ ordered_json effective_options(const EdgeTask& task) {
   return options;
 }
 
-Result<edge::Nominal> nominal_of(const std::string& text) {
-  for (const auto kind : {edge::NominalKind::kCircle, edge::NominalKind::kEllipse, edge::NominalKind::kOval}) {
-    if (text != edge::name_of(kind)) continue;
-    edge::Nominal nominal;
-    nominal.kind = kind;
-    return nominal;
-  }
-  return edge::read_nominal(text);
-}
-
-bool is_file(const std::string& nominal) { return nominal != "circle" && nominal != "ellipse" && nominal != "oval"; }
-
-Result<std::vector<base::ResultInput>> inputs_of(const EdgeTask& task, std::vector<fs::path> files) {
-  if (is_file(task.nominal)) files.emplace_back(task.nominal);
+Result<std::vector<base::ResultInput>> inputs_of(const EdgeTask& task, const edge::Nominal& nominal,
+                                                 std::vector<fs::path> files) {
+  if (nominal.kind == edge::NominalKind::kPoints) files.emplace_back(task.nominal);
   std::vector<base::ResultInput> inputs;
   for (const fs::path& file : files) {
     auto input = hashed_input(file, task.base_folder);
@@ -176,12 +165,12 @@ report::EdgeView view_of(const edge::HoleEdge& hole, const std::optional<edge::N
 }  // namespace
 
 Result<StepOutcome> edge_step(const EdgeTask& task, const fs::path& out, Session& session) {
-  auto nominal = nominal_of(task.nominal);
+  auto nominal = nominal_of(task.nominal, {});
   if (!nominal) return base::fail(std::move(nominal));
   auto scan = read_scan_folder(task.scan, task.head);
   if (!scan) return base::fail(std::move(scan));
   const ordered_json options = effective_options(task);
-  const auto inputs = inputs_of(task, scan->files);
+  const auto inputs = inputs_of(task, *nominal, scan->files);
   if (!inputs) return tl::unexpected(inputs.error());
   if (const ordered_json earlier = earlier_result(out, options); same_inputs(earlier, *inputs))
     return StepOutcome{out, "up to date", true, outcome_of(earlier)};

@@ -7,7 +7,6 @@
 
 #include "base/detail/result_reading.h"
 #include "base/file.h"
-#include "base/json_file.h"
 #include "base/npy.h"
 
 namespace crosstie::base {
@@ -120,23 +119,14 @@ std::vector<Eigen::Index> rows_of(const Calibration& calibration, const Calibrat
 }  // namespace
 
 Result<Calibration> read_calibration(const std::filesystem::path& folder) {
-  const auto path = folder / "result.json";
-  const auto json = read_json(path);
-  if (!json) return tl::unexpected<Error>(json.error());
-  Calibration calibration;
-  try {
-    calibration = calibration_of(*json);
-  } catch (const Json::exception& error) {
-    return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), error.what()));
-  } catch (const Unreadable& error) {
-    return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), error.what()));
-  }
+  auto calibration = detail::read_result(folder, calibration_of);
+  if (!calibration) return calibration;
   auto covariance = read_covariance(folder);
   if (!covariance) return fail(std::move(covariance));
-  calibration.covariance = std::move(covariance->matrix);
-  calibration.labels = std::move(covariance->labels);
-  for (const CalibratedCamera& camera : calibration.cameras) {
-    const auto rows = rows_of(calibration, camera);
+  calibration->covariance = std::move(covariance->matrix);
+  calibration->labels = std::move(covariance->labels);
+  for (const CalibratedCamera& camera : calibration->cameras) {
+    const auto rows = rows_of(*calibration, camera);
     if (std::any_of(rows.begin(), rows.end(), [](Eigen::Index row) { return row >= 0; })) continue;
     return fail(ErrorCode::kBadInput,
                 fmt::format("{}: covariance.json names no parameter of camera {}", shown(folder), camera.name));

@@ -75,13 +75,6 @@ Json frame_json(const MachineFrame& frame) {
           {"cov", upper_triangle_json(frame.cov)}};
 }
 
-Json pose_json(const HeadPose& pose) {
-  return {{"axis_mm", pose.axis_mm},
-          {"machine_from_rig", matrix_json(pose.machine_from_rig)},
-          {"cov", upper_triangle_json(pose.cov)},
-          {"stop_cov", upper_triangle_json(pose.stop_cov)}};
-}
-
 Json sphere_json(const CommissionedSphere& sphere) {
   return {{"id", sphere.id},
           {"centre_mm", list_json(sphere.centre_mm)},
@@ -152,7 +145,7 @@ Json commissioning_json(const Commissioning& result) {
   json["sphere_scale_sigma_ppm"] = result.sphere_scale_sigma_ppm;
   for (const char* key : {"spheres", "checked_at", "stations", "images", "markers", "tre", "groups"}) json[key] = Json::array();
   for (const auto& sphere : result.spheres) json["spheres"].push_back(sphere_json(sphere));
-  for (const auto& pose : result.checked_at) json["checked_at"].push_back(pose_json(pose));
+  for (const auto& pose : result.checked_at) json["checked_at"].push_back(detail::head_pose_json(pose));
   for (const auto& station : result.stations) json["stations"].push_back(station_json(station));
   for (const auto& image : result.images) {
     json["images"].push_back({{"name", image.name},

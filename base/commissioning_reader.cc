@@ -7,7 +7,6 @@
 
 #include "base/detail/result_reading.h"
 #include "base/file.h"
-#include "base/json_file.h"
 #include "base/npy.h"
 
 namespace crosstie::base {
@@ -166,25 +165,15 @@ Eigen::MatrixXd head_covariance(const Commissioning& result) {
 }  // namespace
 
 Result<Commissioning> read_commissioning(const std::filesystem::path& folder) {
-  const auto path = folder / "result.json";
-  const auto json = read_json(path);
-  if (!json) return tl::unexpected<Error>(json.error());
-  const auto bad = [&](std::string_view what) { return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), what)); };
-  std::optional<Commissioning> result;
-  try {
-    result = commissioning_of(*json);
-  } catch (const Json::exception& error) {
-    return bad(error.what());
-  } catch (const Unreadable& error) {
-    return bad(error.what());
-  }
+  auto result = detail::read_result(folder, commissioning_of);
+  if (!result) return result;
   auto joint = read_covariance(folder);
   if (!joint) return fail(std::move(joint));
   result->covariance = std::move(joint->matrix);
   result->labels = std::move(joint->labels);
-  if (!place_of(result->labels, "rig rx")) return bad("its covariance holds no rig");
+  if (!place_of(result->labels, "rig rx")) return detail::bad_result(folder / "result.json", "its covariance holds no rig");
   result->head.cov = head_covariance(*result);
-  return *std::move(result);
+  return result;
 }
 
 }  // namespace crosstie::base

@@ -7,7 +7,6 @@
 
 #include "base/detail/result_reading.h"
 #include "base/file.h"
-#include "base/json_file.h"
 #include "base/table.h"
 
 namespace crosstie::base {
@@ -114,18 +113,9 @@ Result<> read_residuals(const std::filesystem::path& path, AdjustedNetwork& netw
 }  // namespace
 
 Result<AdjustedNetwork> read_adjusted_network(const std::filesystem::path& folder) {
-  const auto path = folder / "result.json";
-  const auto json = read_json(path);
-  if (!json) return tl::unexpected<Error>(json.error());
-  AdjustedNetwork network;
-  try {
-    network = network_of(*json);
-  } catch (const Json::exception& error) {
-    return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), error.what()));
-  } catch (const Unreadable& error) {
-    return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), error.what()));
-  }
-  if (auto read = read_residuals(folder / "residuals.csv", network); !read) return fail(std::move(read));
+  auto network = detail::read_result(folder, network_of);
+  if (!network) return network;
+  if (auto read = read_residuals(folder / "residuals.csv", *network); !read) return fail(std::move(read));
   return network;
 }
 

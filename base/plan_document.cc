@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <nlohmann/json.hpp>
 
+#include "base/detail/adjustment_json.h"
 #include "base/detail/result_json.h"
 #include "base/plan.h"
 
@@ -60,12 +61,7 @@ Json machine_json(const CommissionPlan& plan) {
                {"machine_from_rig", Json::array()},
                {"tre", Json::array()}};
   for (const PlannedMotion& motion : plan.motions) json["motions"].push_back(motion_json(motion));
-  for (const HeadPose& pose : expected.checked_at) {
-    json["machine_from_rig"].push_back({{"axis_mm", pose.axis_mm},
-                                        {"machine_from_rig", matrix_json(pose.machine_from_rig)},
-                                        {"cov", upper_triangle_json(pose.cov)},
-                                        {"stop_cov", upper_triangle_json(pose.stop_cov)}});
-  }
+  for (const HeadPose& pose : expected.checked_at) json["machine_from_rig"].push_back(detail::head_pose_json(pose));
   for (const FramePoint& point : expected.tre) {
     json["tre"].push_back({{"axis_mm", point.axis_mm},
                            {"p_in_machine_mm", list_json(point.p_in_machine_mm)},

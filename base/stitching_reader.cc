@@ -9,7 +9,6 @@
 
 #include "base/detail/result_reading.h"
 #include "base/file.h"
-#include "base/json_file.h"
 #include "base/npy.h"
 
 namespace crosstie::base {
@@ -121,29 +120,20 @@ Stitching stitching_of(const Json& json) {
 }  // namespace
 
 Result<Stitching> read_stitching(const std::filesystem::path& folder) {
-  const auto path = folder / "result.json";
-  const auto json = read_json(path);
-  if (!json) return tl::unexpected<Error>(json.error());
-  const auto bad = [&](std::string_view what) { return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), what)); };
-  std::optional<Stitching> result;
-  try {
-    result = stitching_of(*json);
-  } catch (const Json::exception& error) {
-    return bad(error.what());
-  } catch (const Unreadable& error) {
-    return bad(error.what());
-  }
+  auto result = detail::read_result(folder, stitching_of);
+  if (!result) return result;
   auto joint = read_covariance(folder);
   if (!joint) return fail(std::move(joint));
   const Eigen::Index poses = 6 * static_cast<Eigen::Index>(result->stations.size());
   const Eigen::Index head = result->head ? result->head->parameter_count() : 0;
   if (joint->matrix.rows() != poses + head) {
-    return bad(fmt::format("its covariance has {} rows, {} belong to it", joint->matrix.rows(), poses + head));
+    return detail::bad_result(folder / "result.json",
+                              fmt::format("its covariance has {} rows, {} belong to it", joint->matrix.rows(), poses + head));
   }
   result->covariance = std::move(joint->matrix);
   result->labels = std::move(joint->labels);
   if (result->head) result->head->cov = result->covariance.bottomRightCorner(head, head);
-  return *std::move(result);
+  return result;
 }
 
 }  // namespace crosstie::base

@@ -10,6 +10,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "bundle/detail/circle_of_pair.h"
+#include "bundle/detail/linear_estimate.h"
 #include "bundle/detail/rig_check.h"
 #include "math/distributions.h"
 
@@ -34,6 +35,9 @@ constexpr int kMaxSteps = 12;
 constexpr double kRayLevel = 1e-5;  // of an image point that no chance explains
 using detail::kUnseen_mm;
 using detail::kUnseen_rad;
+using detail::linear_estimate;
+using detail::LinearEstimate;
+using detail::statistic;
 
 constexpr const char* kRigNames[] = {"relative pitch", "yaw", "roll", "baseline x", "baseline y", "baseline z"};
 
@@ -77,36 +81,6 @@ struct Linear {
   MatrixXd by_head;
   MatrixXd cov;
 };
-
-struct Estimate {
-  VectorXd x;
-  MatrixXd cov;
-  VectorXd residual;  ///< left after the fit
-  MatrixXd residual_cov;
-};
-
-Estimate estimate(const MatrixXd& design, const VectorXd& y, const MatrixXd& cov) {
-  const Eigen::LLT<MatrixXd> root(cov);
-  const MatrixXd a = root.matrixL().solve(design);
-  const VectorXd b = root.matrixL().solve(y);
-  const VectorXd scale = a.colwise().norm().cwiseMax(1e-300).cwiseInverse();
-  const MatrixXd scaled = a * scale.asDiagonal();
-  const Eigen::LDLT<MatrixXd> normal(scaled.transpose() * scaled);
-  Estimate at;
-  at.x = scale.asDiagonal() * normal.solve(scaled.transpose() * b);
-  at.cov = scale.asDiagonal() * normal.solve(MatrixXd::Identity(scaled.cols(), scaled.cols())) * scale.asDiagonal();
-  at.residual = y - design * at.x;
-  at.residual_cov = cov - design * at.cov * design.transpose();
-  return at;
-}
-
-/// x' Cov^-1 x with the units of both sides of a pose taken out.
-double statistic(const VectorXd& x, const MatrixXd& cov) {
-  const VectorXd scale = cov.diagonal().cwiseSqrt().cwiseInverse();
-  const MatrixXd correlation = scale.asDiagonal() * cov * scale.asDiagonal();
-  const VectorXd scaled = scale.cwiseProduct(x);
-  return scaled.dot(correlation.ldlt().solve(scaled));
-}
 
 HeadCheck::Test chi_square_test(std::string name, double value, int dof, double level) {
   HeadCheck::Test test{.name = std::move(name), .unit = "", .statistic = value, .dof = dof};
@@ -245,7 +219,7 @@ Result<> Check::against_cross() {
     Vector6d head_change = Vector6d::Zero();
     Vector6d rig_change = Vector6d::Zero();
     Linear linear;
-    Estimate both;
+    LinearEstimate both;
     for (int step = 0; step < kMaxSteps; ++step) {
       if (!linearise(machine_from_rig, right_from_left, linear)) {
         return fail(ErrorCode::kNoUniqueSolution,
@@ -257,7 +231,7 @@ Result<> Check::against_cross() {
       // Changes so far are part of the model: about them, all of the change is estimated anew.
       VectorXd so_far(12);
       so_far << rig_change, head_change;
-      both = estimate(design, linear.residual + design * so_far, linear.cov);
+      both = linear_estimate(design, linear.residual + design * so_far, linear.cov);
       rig_change = both.x.head<6>();
       head_change = both.x.tail<6>();
       right_from_left = base::perturbed(known_.head.right_from_left, rig_change);
@@ -426,7 +400,7 @@ void Check::second_reference() {
     own = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
     cov.block<3, 3>(3 * i, 3 * i) = now->cov_mm2 + own;
   }
-  const Estimate moved = estimate(design, y, cov);
+  const LinearEstimate moved = linear_estimate(design, y, cov);
   const MatrixXd total = moved.cov + known_.machine_from_cross_cov;
   check_.tests.push_back(chi_square_test("spheres", statistic(moved.x, total), 6, options_.significance));
   cross_accused_ = check_.tests.back().accused;

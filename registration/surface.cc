@@ -14,6 +14,8 @@
 #include <Eigen/Geometry>
 #include <nanoflann.hpp>
 
+#include "math/median.h"
+
 namespace crosstie::registration {
 namespace {
 
@@ -97,12 +99,6 @@ std::uint64_t fingerprint_of(const std::vector<Vector3d>& points) {
     }
   }
   return hash;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Median of chi-square over its degrees of freedom (Wilson & Hilferty, PNAS 17, 1931).
@@ -262,7 +258,7 @@ Result<Surface> Surface::make(const base::Cloud& cloud, const SurfaceOptions& op
       variances[i] = std::max(0.1 * bent[i], bent[i] - curved) / chi_square_median(dof);
     }
   }
-  const double common = median(variances);
+  const double common = math::median(variances);
   std::vector<double> noise;
   for (std::size_t i = 0; i < surface.pieces_.size(); ++i) {
     SurfacePiece& piece = surface.pieces_[i];
@@ -273,7 +269,7 @@ Result<Surface> Surface::make(const base::Cloud& cloud, const SurfaceOptions& op
     piece.sigma_mm = std::sqrt(variance / piece.count);
     piece.tilt_rad = shapes[i].steadied * std::sqrt(variance / piece.count * spreads[i]);
   }
-  surface.noise_mm_ = median(std::move(noise));
+  surface.noise_mm_ = math::median(std::move(noise));
 
   surface.find_borders();
   return surface;

@@ -17,13 +17,6 @@ namespace {
 using detail::number_cell;
 using detail::text_cell;
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 std::vector<double> arc_of(const base::EdgeCurve& curve) {
   std::vector<double> s;
   for (const base::EdgePoint& point : curve.points) s.push_back(point.s_mm);
@@ -37,8 +30,8 @@ std::vector<double> sigmas_of(const base::EdgeCurve& curve, double base::EdgePoi
 }
 
 std::vector<detail::KeyFigure> key_figures(const EdgeView& view) {
-  const double sigma_u = median(sigmas_of(view.curve, &base::EdgePoint::sigma_u_mm));
-  const double sigma_v = median(sigmas_of(view.curve, &base::EdgePoint::sigma_v_mm));
+  const double sigma_u = detail::median(sigmas_of(view.curve, &base::EdgePoint::sigma_u_mm));
+  const double sigma_v = detail::median(sigmas_of(view.curve, &base::EdgePoint::sigma_v_mm));
   double missing = 0.0;
   for (const base::EdgeGap& gap : view.curve.gaps) missing += gap.length_mm;
   std::vector<detail::KeyFigure> figures = {

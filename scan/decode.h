@@ -29,8 +29,8 @@ struct DecodeOptions {
   /// Largest change of the projector's and of other light from the first to the last image, of the projector's light; 0: any. Default:
   /// a change by a tenth over some 40 images is below a hundredth within a set of fringes, less than noise does to a phase.
   double max_light_change = 0.1;
-  bool correct_blur =
-      true;  ///< take out the shift of phases by the camera's blur where brightness changes (detail/blur_shift.h)
+  /// Take out the shift of phases by the camera's blur where brightness changes (detail/blur_shift.h).
+  bool correct_blur = true;
   bool correct_ripple = true;  ///< take out the error that a waveform which is no cosine leaves in the phases
   int threads = 0;             ///< 0: as many as the machine has; no effect on the outcome
 

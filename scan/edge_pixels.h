@@ -4,11 +4,9 @@
 
 #include "base/edge_pixels.h"
 #include "base/image.h"
-#include "base/machine.h"
 #include "base/phase_map.h"
 #include "base/progress.h"
 #include "base/result.h"
-#include "scan/match.h"
 
 namespace crosstie::scan {
 
@@ -48,8 +46,5 @@ struct EdgeInput {
 /// Errors: options; kBadInput where sizes differ.
 base::Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& options,
                                           const base::Progress& progress = {});
-
-/// The left camera's depths as the right camera sees them: of each of its pixels the nearest point that falls there, holes of one pixel filled.
-std::vector<float> right_depths(const DepthMap& depths, const base::Head& head);
 
 }  // namespace crosstie::scan

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
 
-#include "scan/detail/median.h"
+#include "math/median.h"
 #include "scan/detail/rectification.h"
 
 namespace crosstie::scan {
@@ -74,11 +74,11 @@ std::vector<CurveSample> phase_samples(const DepthMap& depths, const base::Head&
       if (off.size() < kLeastPixels) continue;
       CurveSample sample;
       sample.left_px = {left + 0.5 * cell, top + 0.5 * cell};
-      sample.off_px = detail::median(off);
+      sample.off_px = math::median(off);
       for (float& value : off) value = std::abs(value - static_cast<float>(sample.off_px));
       // Of a median over the root of the mean: sqrt(pi / 2).
-      sample.sigma_px = std::max(1e-4, 1.2533 * 1.4826 * detail::median(off) / std::sqrt(static_cast<double>(off.size())));
-      const double z = depth.empty() ? 0.0 : detail::median(depth);
+      sample.sigma_px = std::max(1e-4, 1.2533 * 1.4826 * math::median(off) / std::sqrt(static_cast<double>(off.size())));
+      const double z = depth.empty() ? 0.0 : math::median(depth);
       samples.push_back(sample);
       samples.back().p_in_rig_mm = {0.0, 0.0, z};  // only its depth yet
     }
@@ -88,7 +88,7 @@ std::vector<CurveSample> phase_samples(const DepthMap& depths, const base::Head&
   for (const CurveSample& sample : samples) {
     if (sample.p_in_rig_mm.z() > 0.0) known.push_back(sample.p_in_rig_mm.z());
   }
-  const double usual = known.empty() ? 1000.0 : detail::median(known);
+  const double usual = known.empty() ? 1000.0 : math::median(known);
   for (CurveSample& sample : samples) {
     const double z = sample.p_in_rig_mm.z() > 0.0 ? sample.p_in_rig_mm.z() : usual;
     sample.p_in_rig_mm = point_at(head, sample.left_px, z);
@@ -144,7 +144,7 @@ base::HeadTest test_head(const base::Head& head, const std::vector<CurveSample>&
     std::vector<double> ratios(rows.size());
     for (std::size_t i = 0; i < rows.size(); ++i) ratios[i] = std::abs(off[i] - rows[i].dot(terms)) * std::sqrt(stated[i]);
     std::vector<double> ordered = ratios;
-    scale = std::max(1.0, 1.4826 * detail::median(ordered));
+    scale = std::max(1.0, 1.4826 * math::median(ordered));
     for (std::size_t i = 0; i < rows.size(); ++i) weights[i] = ratios[i] < kGate * scale ? stated[i] : 0.0;
   }
   double squares = 0.0, variance = 0.0, weighted = 0.0, count = 0.0;

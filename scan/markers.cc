@@ -14,9 +14,9 @@
 #include <Eigen/Geometry>
 
 #include "math/head_point.h"
+#include "math/median.h"
 #include "scan/detail/calibration_part.h"
 #include "scan/detail/marker_surface.h"
-#include "scan/detail/median.h"
 #include "scan/detail/rectification.h"
 
 namespace crosstie::scan {
@@ -75,7 +75,7 @@ std::vector<Observation> plates(const ImageObservations& image) {
   for (const Observation& seen : image.observations) {
     if (seen.status == ObservationStatus::kCoded && seen.semi_major_px > 0.0) sizes.push_back(seen.semi_major_px);
   }
-  const double usual = sizes.empty() ? 0.0 : detail::median(sizes);
+  const double usual = sizes.empty() ? 0.0 : math::median(sizes);
   std::vector<Observation> found;
   for (const Observation& seen : image.observations) {
     if (!(seen.semi_major_px > 0.0)) continue;

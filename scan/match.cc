@@ -11,8 +11,8 @@
 #include <Eigen/LU>
 
 #include "base/parallel.h"
+#include "math/median.h"
 #include "scan/detail/guard.h"
-#include "scan/detail/median.h"
 #include "scan/detail/rectification.h"
 #include "scan/detail/rectified_map.h"
 #include "scan/detail/smooth.h"
@@ -273,7 +273,7 @@ double slope_along_curves(const PhasePlane& plane, const Target& target, int wid
       if (std::isfinite(slope)) slopes.push_back(slope);
     }
   }
-  return detail::median(slopes);
+  return math::median(slopes);
 }
 
 /// Pixels to either side over which phases are averaged so that their slope is known to a tenth.
@@ -288,7 +288,7 @@ int smoothing_radius(const PhasePlane& plane, const Target& target, int width, i
     }
   }
   // Means about neighbours share all pixels but two columns: their difference has the sigma sqrt(2 (2 r + 1)) sigma / (2 r + 1)^2.
-  const double ratio = detail::median(sigmas) / std::abs(target.slope);
+  const double ratio = math::median(sigmas) / std::abs(target.slope);
   int radius = 0;
   while (radius < kMost && std::numbers::sqrt2 * ratio / std::pow(2.0 * radius + 1.0, 1.5) > 0.1) ++radius;
   return radius;
@@ -310,9 +310,9 @@ Result<> check(const PhaseMap& left, const PhaseMap& right, const base::Head& he
 /// Signed median and 1.4826 times the median absolute deviation from it.
 std::pair<double, double> median_and_mad(std::vector<float> values) {
   std::erase_if(values, [](float v) { return std::isnan(v); });
-  const double median = detail::median(values);
+  const double median = math::median(values);
   for (float& v : values) v = std::abs(v - static_cast<float>(median));
-  return {median, 1.4826 * detail::median(values)};
+  return {median, 1.4826 * math::median(values)};
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "math/median.h"
 #include "verify/detail/box_tree.h"
 #include "verify/detail/surface_reference.h"
 
@@ -34,12 +35,6 @@ std::vector<std::size_t> chosen(std::size_t all, std::size_t most) {
   std::vector<std::size_t> indices;
   for (std::size_t i = 0; i < all; i += every) indices.push_back(i);
   return indices;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 Eigen::Vector3d side_of(const Cloud& cloud, std::size_t i, const base::Pose& pose) {
@@ -76,7 +71,7 @@ void lay_onto(const Cloud& measured, const SurfaceReference& reference, const Su
     double lever = 0.0;
     for (const auto& foot : feet) lever += (foot.point - centre).squaredNorm();
     lever = std::sqrt(lever / static_cast<double>(feet.size()));
-    const double limit = kOutlier * kNormal * median(sizes) + 1e-9;
+    const double limit = kOutlier * kNormal * math::median(sizes) + 1e-9;
     Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
     Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
     double used = 0.0;

@@ -62,7 +62,7 @@ Verb commission_verb() {
           "tie the scanning head to the machine's frame: rig, axis, error motions; check whether it still holds",
           "  $ crosstie commission machine\n"
           "  stations   10 images, 349 coded markers\n"
-          "  commission 5 stations from 0.0068 to 999.994 mm, direction +- 0.014 mrad, scale 80 +- 14 ppm, EYX EAX EBX, FRE "
+          "  commission 5 stations from 0.0068 to 999.994 mm, direction +- 0.013 mrad, scale 98 +- 14 ppm, EYX EZX EBX, FRE "
           "0.008 mm, sigma0 0.0023 px, 0 rejected, 2 warnings\n"
           "  machine/results/commission/result.json",
           {{"JOB", "JOB", "job folder or its job.toml", true, false},

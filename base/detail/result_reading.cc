@@ -4,7 +4,13 @@
 
 #include <fmt/format.h>
 
+#include "base/file.h"
+
 namespace crosstie::base::detail {
+
+tl::unexpected<Error> bad_result(const std::filesystem::path& path, std::string_view what) {
+  return fail(ErrorCode::kBadInput, fmt::format("{}: {}", shown(path), what));
+}
 
 Eigen::VectorXd numbers(const Json& json, Eigen::Index size) {
   if (!json.is_array() || json.size() != static_cast<std::size_t>(size)) {

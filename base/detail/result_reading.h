@@ -1,13 +1,17 @@
 #pragma once
 
+#include <filesystem>
 #include <stdexcept>
+#include <utility>
 
 #include <Eigen/Core>
 
 #include "base/camera.h"
 #include "base/detail/result_json.h"
+#include "base/json_file.h"
 #include "base/machine.h"
 #include "base/pose.h"
+#include "base/result.h"
 
 namespace crosstie::base::detail {
 
@@ -15,6 +19,24 @@ namespace crosstie::base::detail {
 struct Unreadable : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+/// A kBadInput Error that names the file.
+tl::unexpected<Error> bad_result(const std::filesystem::path& path, std::string_view what);
+
+/// What `parse` makes of the result.json in a folder; what it throws becomes an Error that names the file.
+template <typename Parse>
+auto read_result(const std::filesystem::path& folder, Parse parse) -> Result<decltype(parse(std::declval<const Json&>()))> {
+  const auto path = folder / "result.json";
+  const auto json = read_json(path);
+  if (!json) return tl::unexpected<Error>(json.error());
+  try {
+    return parse(*json);
+  } catch (const Json::exception& error) {
+    return bad_result(path, error.what());
+  } catch (const Unreadable& error) {
+    return bad_result(path, error.what());
+  }
+}
 
 /// A list of exactly so many numbers.
 Eigen::VectorXd numbers(const Json& json, Eigen::Index size);

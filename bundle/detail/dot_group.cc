@@ -9,6 +9,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "math/median.h"
+
 namespace crosstie::bundle::detail {
 namespace {
 
@@ -58,13 +60,6 @@ bool is_under_marker(const DotScene& scene, std::size_t image, const Eigen::Vect
   return found;
 }
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Drops the dots whose size is not that of the others; sets the group's.
 void judge_sizes(const DotScene& scene, DotGroup& group) {
   std::vector<double> radii;
@@ -73,7 +68,7 @@ void judge_sizes(const DotScene& scene, DotGroup& group) {
     radii.push_back(radius_mm(view_of(scene, dot_at(scene, d)), dot_at(scene, d), group.place.point));
     if (radii.back() > 0.0) known.push_back(radii.back());
   }
-  group.radius_mm = median(known);
+  group.radius_mm = math::median(known);
   if (known.empty()) return;
   std::vector<int> kept;
   for (std::size_t i = 0; i < radii.size(); ++i) {

@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 
 #include "bundle/detail/survey_knowns.h"
+#include "math/median.h"
 
 namespace crosstie::bundle::detail {
 namespace {
@@ -24,12 +25,6 @@ constexpr double kLeastShareOfMedian = 1.0 / 3.0;  // a smaller sigma is raised 
 constexpr double kIncredible = 0.1;                // of the median: a smaller sigma is no measurement's
 constexpr double kFallbackSigma_px = 0.05;         // where no detector covariance is usable at all
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 bool usable(const Eigen::Matrix2d& cov) {
   return cov.allFinite() && cov(0, 0) > 0.0 && cov(1, 1) > 0.0 && cov.determinant() > 0.0;
 }
@@ -40,7 +35,7 @@ void repair_covariances(Survey& survey) {
   for (const Ray& ray : survey.rays) {
     if (usable(ray.cov_px2)) sigmas.push_back(std::sqrt(0.5 * ray.cov_px2.trace()));
   }
-  const double typical = sigmas.empty() ? kFallbackSigma_px : median(sigmas);
+  const double typical = sigmas.empty() ? kFallbackSigma_px : math::median(sigmas);
   if (sigmas.size() < survey.rays.size()) {
     survey.warnings.push_back(
         {"no_image_covariance", "",

@@ -6,17 +6,10 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "math/median.h"
+
 namespace crosstie::bundle::detail {
-namespace {
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-}  // namespace
+namespace {}  // namespace
 
 /// What an image point tells of the sigmas.
 struct Weights::Item {
@@ -69,7 +62,7 @@ void Weights::guess(double robust_sigma_px) {
   if (!estimated_) return;
   std::vector<double> variances;
   for (const Eigen::Matrix2d& cov : detector_) variances.push_back(0.5 * cov.trace());
-  model_sigma_px_.fill(std::sqrt(std::max(0.0, robust_sigma_px * robust_sigma_px - median(variances))));
+  model_sigma_px_.fill(std::sqrt(std::max(0.0, robust_sigma_px * robust_sigma_px - math::median(variances))));
 }
 
 double Weights::component(const std::vector<Item>& items, bool robust) const {
@@ -84,7 +77,7 @@ double Weights::component(const std::vector<Item>& items, bool robust) const {
         const Eigen::Matrix2d cov = item.detector + variance * Eigen::Matrix2d::Identity();
         squares.push_back(item.residual_px.dot(cov.inverse() * item.residual_px) * 2.0 / item.redundancy);
       }
-      return median(std::move(squares)) - kChiSquare2Median;
+      return math::median(std::move(squares)) - kChiSquare2Median;
     }
     double sum = 0.0;
     for (const Item& item : items) {
@@ -134,7 +127,7 @@ double Weights::unit_sigma_px(const std::vector<char>& active) const {
   for (std::size_t r = 0; r < detector_.size(); ++r) {
     if (active[r]) sigmas.push_back(std::sqrt(0.5 * covariance(static_cast<int>(r)).trace()));
   }
-  return median(std::move(sigmas));
+  return math::median(std::move(sigmas));
 }
 
 }  // namespace crosstie::bundle::detail

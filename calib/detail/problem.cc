@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "calib/pairing.h"
+#include "math/median.h"
 
 namespace crosstie::calib::detail {
 namespace {
@@ -65,13 +66,6 @@ bool same_corners(const BoardImage& a, const BoardImage& b) {
     if ((a.corners[i].px - b.corners[i].px).norm() > kSamePlace_px) return false;
   }
   return true;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 1.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Why an image cannot take part, or nothing.
@@ -162,7 +156,7 @@ Result<Problem> make_problem(const BoardViews& input) {
   if (any_sigma) {
     std::vector<double> sigmas;
     for (const Corner& corner : problem.corners) sigmas.push_back(corner.relative_sigma);
-    const double middle = median(std::move(sigmas));
+    const double middle = math::median(std::move(sigmas));
     for (Corner& corner : problem.corners) corner.relative_sigma /= middle;
   }
   return problem;

@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "edge/detail/view_surface.h"
+#include "math/median.h"
 
 namespace crosstie::edge::detail {
 namespace {
@@ -19,12 +20,6 @@ using base::Result;
 
 constexpr std::size_t kLeastCandidates = 20;
 constexpr double kRoiMargin_px = 40.0;  // of depths beside the region
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Eigen::Matrix<double, 6, 1> monomials(const Eigen::Vector3d& local) {
   return (Eigen::Matrix<double, 6, 1>() << 1.0, local.x(), local.y(), local.x() * local.x(), local.x() * local.y(),
@@ -151,7 +146,7 @@ Result<Face> find_face(const std::vector<RimCandidate>& candidates, double max_o
     y.push_back(c.normal.y());
     z.push_back(c.normal.z());
   }
-  const Eigen::Vector3d normal = Eigen::Vector3d(median(x), median(y), median(z)).normalized();
+  const Eigen::Vector3d normal = Eigen::Vector3d(math::median(x), math::median(y), math::median(z)).normalized();
   Face face;
   const Eigen::Vector3d first = normal.unitOrthogonal();
   face.axes << first, normal.cross(first), normal;
@@ -161,7 +156,7 @@ Result<Face> find_face(const std::vector<RimCandidate>& candidates, double max_o
     y.push_back(c.point_mm.y());
     z.push_back(c.point_mm.z());
   }
-  face.origin_mm = Eigen::Vector3d(median(x), median(y), median(z));
+  face.origin_mm = Eigen::Vector3d(math::median(x), math::median(y), math::median(z));
   // The nearest height at which many lie whose surface looks this way.
   std::vector<double> heights;
   for (const RimCandidate& c : candidates) {

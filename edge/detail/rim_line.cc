@@ -9,6 +9,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
+#include "math/median.h"
+
 namespace crosstie::edge::detail {
 namespace {
 
@@ -23,12 +25,6 @@ constexpr double kReachOfRadius = 0.25;  // a parabola leaves a circle by reach^
 constexpr double kLeastScatter_mm = 0.01;
 constexpr double kTukey = 4.7;
 constexpr int kRounds = 8;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Eigen::Vector2d middle_of(const std::vector<RimCandidate>& candidates, const Face& face) {
   // The middle of what is spanned, not of the points: these may be dense on one side.
@@ -83,7 +79,7 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
       right += offsets[k] * row;
     }
     const Eigen::Vector3d line = normal.ldlt().solve(right);
-    const double least = std::max(kLeastDistance_mm, kOfBand * median(bands));
+    const double least = std::max(kLeastDistance_mm, kOfBand * math::median(bands));
     for (std::size_t m = 0; m < cell.members.size(); ++m) {
       const RimCandidate& member = *cell.members[m];
       if (member.band_mm > 0.0) continue;
@@ -121,7 +117,7 @@ Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face
   if (cell_mm == 0.0) {
     std::vector<double> pieces;
     for (const RimCandidate& candidate : rim) pieces.push_back(candidate.piece_mm);
-    cell_mm = median(pieces);
+    cell_mm = math::median(pieces);
   }
   const Eigen::Vector2d centre = centroid_of(rim, face);
   struct Polar {
@@ -142,10 +138,10 @@ Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face
   std::vector<double> known;
   for (std::size_t i = 0; i < kSectors; ++i) {
     if (sectors[i].empty()) continue;
-    radii[i] = median(sectors[i]);
+    radii[i] = math::median(sectors[i]);
     known.push_back(radii[i]);
   }
-  double last = median(known);
+  double last = math::median(known);
   for (double& radius : radii) last = radius = radius > 0.0 ? radius : last;
   std::vector<double> lengths(kSectors + 1, 0.0);
   for (std::size_t i = 0; i < kSectors; ++i) {
@@ -174,14 +170,14 @@ Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face
       z.push_back(member->point_mm.z());
       out += member->out;
     }
-    cell.middle_mm = Eigen::Vector3d(median(x), median(y), median(z));
+    cell.middle_mm = Eigen::Vector3d(math::median(x), math::median(y), math::median(z));
     const Eigen::Vector3d normal = face.normal_at(cell.middle_mm);
     cell.across = (out - out.dot(normal) * normal).normalized();
     cell.along = cell.across.cross(normal);
     cell.inner.assign(cell.members.size(), 0);
     cells.push_back(std::move(cell));
   }
-  const double reach = std::min(kReachCells * width, std::max(1.5 * width, kReachOfRadius * median(known)));
+  const double reach = std::min(kReachCells * width, std::max(1.5 * width, kReachOfRadius * math::median(known)));
   std::vector<RimCell> marked = cells;
   mark_inner(RimCells(cells, width, reach), marked);
   return RimCells(std::move(marked), width, reach);
@@ -224,7 +220,7 @@ RimLine line_about(const RimCells& cells, std::size_t at) {
       const double a = members[i].a;
       off[i] = std::abs(members[i].b - line.shape.x() - line.shape.y() * a - line.shape.z() * a * a);
     }
-    line.scatter_mm = std::max(kLeastScatter_mm, 1.4826 * median(off));
+    line.scatter_mm = std::max(kLeastScatter_mm, 1.4826 * math::median(off));
     for (std::size_t i = 0; i < members.size(); ++i) {
       const double ratio = off[i] / (kTukey * std::hypot(line.scatter_mm, members[i].sigma));
       weights[i] = ratio < 1.0 ? std::pow(1.0 - ratio * ratio, 2) : 0.0;

@@ -7,6 +7,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "math/median.h"
+
 namespace crosstie::edge::detail {
 namespace {
 
@@ -30,12 +32,6 @@ struct Fit {
   int count = 0;
 };
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 Fit fit(const std::vector<Depth>& depths, int unknowns) {
   Fit result;
   std::vector<double> weights(depths.size(), 1.0);
@@ -55,7 +51,7 @@ Fit fit(const std::vector<Depth>& depths, int unknowns) {
     std::vector<double> off(depths.size());
     for (std::size_t i = 0; i < depths.size(); ++i)
       off[i] = std::abs(depths[i].inverse - depths[i].row.dot(result.at)) / depths[i].sigma;
-    const double scale = std::max(1.0, 1.4826 * median(off)) * kTukey;
+    const double scale = std::max(1.0, 1.4826 * math::median(off)) * kTukey;
     result.squares = 0.0;
     double sum = 0.0;
     result.count = 0;
@@ -164,7 +160,7 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
   surface.normal = -surface.plane.normalized();
   surface.count = chosen.count;
   const double z = 1.0 / surface.inverse_depth;
-  surface.rms_mm = chosen.factor * median([&] {
+  surface.rms_mm = chosen.factor * math::median([&] {
                      std::vector<double> sigmas;
                      for (const Depth& depth : depths) sigmas.push_back(depth.sigma);
                      return sigmas;

@@ -10,6 +10,7 @@
 
 #include "markers/detail/tag_light.h"
 #include "math/edge_profile.h"
+#include "math/median.h"
 
 namespace crosstie::markers::detail {
 namespace {
@@ -153,12 +154,6 @@ double predicted(const LineState& s, const EdgePixel& pixel, Vector& j) {
   return in + (out - in) * profile.distribution;
 }
 
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Standard deviations of the pixels outside and inside.
 struct Noise {
   double out = 1.0, in = 1.0;
@@ -169,7 +164,7 @@ struct Noise {
 /// of the grey levels.
 double robust_rms(std::vector<double>& residuals) {
   constexpr double kMadToSigma = 1.4826;
-  const double limit = 5.0 * std::max(kMadToSigma * median_of(residuals), 0.5);
+  const double limit = 5.0 * std::max(kMadToSigma * math::median(residuals), 0.5);
   double squares = 0.0;
   double count = 0.0;
   for (const double residual : residuals) {
@@ -310,8 +305,8 @@ bool start_levels(const std::vector<EdgePixel>& pixels, Edge& edge) {
     if (pixel.distance < -0.5 * edge.reach_in) in.push_back(pixel.grey);
   }
   if (out.size() < 4 || in.size() < 4) return false;
-  edge.state[kOut] = median_of(out);
-  edge.state[kIn] = median_of(in);
+  edge.state[kOut] = math::median(out);
+  edge.state[kIn] = math::median(in);
   return true;
 }
 

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "math/distributions.h"
+#include "math/median.h"
 
 namespace crosstie::registration::detail {
 namespace {
@@ -26,13 +27,6 @@ constexpr int kLeastPlaces = 20;  // from which a variance is told
 constexpr int kPoseUnknowns = 6;  // of an overlap: they take as many places' means away
 constexpr double kChance = 0.99;
 constexpr double kTiny = 1e-14;  // of the largest eigenvalue: rounding
-
-double median_of(std::vector<double>& values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Derivative of the distance by a motion about the centre.
 Vector6d by_motion(const Match& match, const Vector3d& centre) {
@@ -51,8 +45,8 @@ void trust_matches(std::vector<Overlap>& overlaps, OverlapScale& scale) {
       distances.push_back(std::abs(match.distance_mm));
     }
   }
-  scale.factor = std::max(1e-3, kMad * median_of(normalised));
-  scale.rms_mm = kMad * median_of(distances);
+  scale.factor = std::max(1e-3, kMad * math::median(normalised));
+  scale.rms_mm = kMad * math::median(distances);
   for (Overlap& overlap : overlaps) {
     overlap.trust.clear();
     for (const Match& match : overlap.matches) {

@@ -6,7 +6,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "math/head_point.h"
-#include "scan/detail/median.h"
+#include "math/median.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -28,7 +28,7 @@ std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& de
     if (!std::isnan(depths.depth_mm[i])) known.push_back(depths.depth_mm[i]);
   }
   if (known.empty()) return std::vector<float>(depths.depth_mm.size(), 0.0F);
-  const double depth = median(known);
+  const double depth = math::median(known);
 
   // Sigma over the square of the depth, which changes slowly.
   const int columns = (depths.width + kSpacing - 1) / kSpacing + 1;

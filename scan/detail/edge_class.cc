@@ -6,7 +6,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "scan/detail/median.h"
+#include "math/median.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -54,7 +54,7 @@ Trend trend_of(const std::vector<Place>& places) {
     std::vector<double> off;
     for (const Place& place : places) off.push_back(std::abs(place.value - trend.value(place.t, place.s)));
     std::vector<double> sorted = off;
-    trend.rms = 1.4826 * median(sorted);
+    trend.rms = 1.4826 * math::median(sorted);
     for (std::size_t i = 0; i < places.size(); ++i) used[i] = off[i] <= 3.5 * trend.rms + 1e-9;
   }
   return trend;
@@ -82,7 +82,7 @@ Continuation continuation(const base::PhaseMap& map, const base::PhasePlane& pla
   if (trend.count < kLeastPixels) return result;
   result.before = true;
   const double slope = std::hypot(trend.at.y(), trend.at.z());
-  const double sigma = median(sigmas);
+  const double sigma = math::median(sigmas);
   std::vector<double> off;
   std::size_t seen = 0;
   images.for_each(frame, kHalfWidth_px, beyond_px + kGuard_px, beyond_px + kGuard_px + kDepth_px,
@@ -95,7 +95,7 @@ Continuation continuation(const base::PhaseMap& map, const base::PhasePlane& pla
   if (!result.beyond) return result;
   // Phases extrapolated by as far as they were seen are known four times worse than their mean.
   const double extrapolated = 4.0 * std::max(sigma, trend.rms) / std::sqrt(static_cast<double>(trend.count));
-  result.smooth = std::abs(median(off)) <= kSlack_px * slope + kSigmas * extrapolated;
+  result.smooth = std::abs(math::median(off)) <= kSlack_px * slope + kSigmas * extrapolated;
   return result;
 }
 
@@ -106,7 +106,7 @@ std::optional<double> depth_about(const std::vector<float>& depth_mm, const Edge
     if (!std::isnan(depth_mm[at])) depths.push_back(depth_mm[at]);
   });
   if (depths.size() < 6) return std::nullopt;
-  return median(depths);
+  return math::median(depths);
 }
 
 }  // namespace

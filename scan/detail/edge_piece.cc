@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <numbers>
 
-#include "scan/detail/median.h"
+#include "math/median.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -25,7 +25,7 @@ EdgeImages::EdgeImages(const base::PhaseMap& map, const base::Image* white)
     const double sigma = 2.0 * std::numbers::pi * static_cast<double>(plane_->modulation[at] * plane_->sigma_turns[at]);
     gains.push_back(sigma * sigma / std::max(kLeastSigma * kLeastSigma, map.noise.variance(map.light[at])));
   }
-  gain_ = median(gains);
+  gain_ = math::median(gains);
 }
 
 double EdgeImages::white_level(std::size_t x, std::size_t y) const {
@@ -97,10 +97,10 @@ bool EdgeImages::phases_differ(const PieceFrame& frame, double half_piece_px, do
       phases[side].push_back(static_cast<double>(plane_->turns[at]) - slope * t);
   });
   if (phases[0].size() < kLeast || phases[1].size() < kLeast) return false;
-  const double before = median(modulations[0]);
-  const double beyond = median(modulations[1]);
+  const double before = math::median(modulations[0]);
+  const double beyond = math::median(modulations[1]);
   if (std::min(before, beyond) < kLit * std::max(before, beyond)) return false;
-  return std::abs(median(phases[1]) - median(phases[0])) > kSame_turns;
+  return std::abs(math::median(phases[1]) - math::median(phases[0])) > kSame_turns;
 }
 
 }  // namespace crosstie::scan::detail

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scan/detail/median.h"
+#include "math/median.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -84,7 +84,7 @@ double median_slope(const base::PhasePlane& plane, int width, int height) {
       if (!std::isnan(below)) down.push_back(below);
     }
   }
-  return std::max(median(across), median(down));
+  return std::max(math::median(across), math::median(down));
 }
 
 std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px, bool creases) {

@@ -8,7 +8,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
-#include "scan/detail/median.h"
+#include "math/median.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -72,7 +72,7 @@ std::optional<LocalFit> robust_fit(const std::vector<Local>& samples, int order)
     for (std::size_t i = 0; i < samples.size(); ++i)
       ratios[i] = std::abs(samples[i].p.z() - row_of(samples[i].p, order).dot(fit->c)) / samples[i].sigma;
     std::vector<double> ordered = ratios;
-    const double spread = std::max(1.0, 1.4826 * median(ordered));
+    const double spread = std::max(1.0, 1.4826 * math::median(ordered));
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const double own = 1.0 / (samples[i].sigma * samples[i].sigma);
       weights[i] = round < kRounds ? own / std::max(1.0, ratios[i] / spread) : (ratios[i] < kGate * spread ? own : 0.0);

@@ -5,7 +5,7 @@
 #include <map>
 
 #include "math/distributions.h"
-#include "scan/detail/median.h"
+#include "math/median.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -42,7 +42,7 @@ base::GreyNoise line_through(const std::vector<Level>& levels) {
 /// Mean of the squares below kTrimmed medians, over that of chi-square variables of these degrees of freedom. Less sensitive than the
 /// median to samples of one pixel that have different noise, since they have different levels.
 double trimmed_variance(std::vector<double>& squares, int dof) {
-  const double limit = kTrimmed * median(squares);
+  const double limit = kTrimmed * math::median(squares);
   double sum = 0.0;
   double count = 0.0;
   for (const double square : squares) {

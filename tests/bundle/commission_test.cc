@@ -11,16 +11,10 @@
 #include "math/distributions.h"
 #include "tests/bundle/seeds.h"
 #include "tests/bundle/synthetic_head.h"
+#include "tests/support/normalised_square.h"
 
 namespace crosstie::bundle {
 namespace {
-
-double square(const base::Vector6d& error, const base::Matrix6d& cov) {
-  const base::Vector6d scale = cov.diagonal().cwiseSqrt().cwiseInverse();
-  const base::Matrix6d correlation = scale.asDiagonal() * cov * scale.asDiagonal();
-  const base::Vector6d scaled = scale.cwiseProduct(error);
-  return scaled.dot(correlation.ldlt().solve(scaled));
-}
 
 /// Counts over seeds.
 struct Statistics {
@@ -56,12 +50,13 @@ Statistics run(const tests::HeadPlan& plan, int seeds, std::uint64_t first_seed,
     for (int k = 0; k < 3; ++k) {
       const auto pose = result->frame.at(readings[k]);
       EXPECT_TRUE(pose);
-      all.square[k] += square(base::difference(pose->machine_from_rig, head.machine_from_rig(readings[k])), pose->cov);
+      all.square[k] +=
+          tests::normalised_square(base::difference(pose->machine_from_rig, head.machine_from_rig(readings[k])), pose->cov);
     }
-    all.rig_square += square(base::difference(result->head.right_from_left, head.right_from_left),
-                             base::Matrix6d(result->head.cov.bottomRightCorner<6, 6>()));
-    all.frame_square +=
-        square(base::difference(result->machine_from_cross, head.machine_from_cross), result->machine_from_cross_cov);
+    all.rig_square += tests::normalised_square(base::difference(result->head.right_from_left, head.right_from_left),
+                                               base::Matrix6d(result->head.cov.bottomRightCorner<6, 6>()));
+    all.frame_square += tests::normalised_square(base::difference(result->machine_from_cross, head.machine_from_cross),
+                                                 result->machine_from_cross_cov);
     all.direction_square += axis.direction_cov.diagonal().maxCoeff();
     for (const base::ErrorMotion& term : axis.terms) {
       const bool pitch = term.name == "EBX" && term.order == 1;

@@ -20,6 +20,7 @@
 #include "fixtures/sampled.h"
 #include "fixtures/simulate.h"
 #include "math/distributions.h"
+#include "tests/support/normalised_square.h"
 #include "tests/support/program.h"
 
 namespace crosstie {
@@ -93,14 +94,6 @@ class CommissionJob : public testing::Test {
 TemporaryFolder* CommissionJob::folder_ = nullptr;
 tests::ProgramRun CommissionJob::run_;
 
-/// v' Cov^-1 v of the difference of two poses.
-double normalised_square(const base::Pose& measured, const base::Pose& truth, const base::Matrix6d& cov) {
-  const base::Vector6d scale = cov.diagonal().cwiseSqrt().cwiseInverse();
-  const base::Matrix6d correlation = scale.asDiagonal() * cov * scale.asDiagonal();
-  const base::Vector6d scaled = scale.cwiseProduct(base::difference(truth, measured));
-  return scaled.dot(correlation.ldlt().solve(scaled));
-}
-
 TEST_F(CommissionJob, RunDoesAllStepsAndThenNothing) {
   for (const char* step : {"calibrate", "stations", "commission"}) EXPECT_THAT(run_.err, HasSubstr(step));
   for (const char* step : {"calibrate", "detect-stations", "commission"})
@@ -128,12 +121,12 @@ TEST_F(CommissionJob, DISABLED_PutsTheHeadWhereItIs) {
     const auto pose = result->frame.at(reading_mm);
     ASSERT_TRUE(pose) << reading_mm;
     const double square =
-        normalised_square(pose->machine_from_rig, fixtures::machine_from_rig(*truth.machine, reading_mm), pose->cov);
+        tests::normalised_square(pose->machine_from_rig, fixtures::machine_from_rig(*truth.machine, reading_mm), pose->cov);
     std::printf("machine_from_rig(%g): normalised square %.2f of 6\n", reading_mm, square);
     EXPECT_LT(square, math::chi_square_quantile(0.999, 6.0)) << reading_mm;
   }
-  EXPECT_LT(normalised_square(result->head.right_from_left, truth.head->right_from_left,
-                              base::Matrix6d(result->head.cov.bottomRightCorner<6, 6>())),
+  EXPECT_LT(tests::normalised_square(result->head.right_from_left, truth.head->right_from_left,
+                                     base::Matrix6d(result->head.cov.bottomRightCorner<6, 6>())),
             math::chi_square_quantile(0.999, 6.0));
   for (std::size_t i = 0; i < result->spheres.size(); ++i) {
     const Eigen::Vector3d error = result->spheres[i].centre_mm - fixtures::true_spheres(truth)[i];

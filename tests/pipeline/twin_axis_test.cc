@@ -9,6 +9,7 @@
 
 #include "math/distributions.h"
 #include "tests/bundle/seeds.h"
+#include "tests/support/normalised_square.h"
 #include "tests/support/twin_commissioning.h"
 
 namespace crosstie {
@@ -19,13 +20,6 @@ fixtures::Scene machine_of_few_boards() {
   fixtures::Scene scene = fixtures::make_scene("machine").value();
   scene.board->rig_from_board.resize(12);
   return scene;
-}
-
-double normalised_square(const base::Pose& measured, const base::Pose& truth, const base::Matrix6d& cov) {
-  const base::Vector6d scale = cov.diagonal().cwiseSqrt().cwiseInverse();
-  const base::Matrix6d correlation = scale.asDiagonal() * cov * scale.asDiagonal();
-  const base::Vector6d scaled = scale.cwiseProduct(base::difference(truth, measured));
-  return scaled.dot(correlation.ldlt().solve(scaled));
 }
 
 /// As the detector measures the twin's photographs, and ten times worse.
@@ -58,7 +52,8 @@ TEST_P(TwinAxis, IsFoundAsItIsAndNothingElse) {
     const double reading_mm = axis.from_mm + 0.37 * (axis.to_mm - axis.from_mm);
     const auto pose = result->frame.at(reading_mm);
     ASSERT_TRUE(pose);
-    square += normalised_square(pose->machine_from_rig, fixtures::machine_from_rig(*scene.machine, reading_mm), pose->cov);
+    square +=
+        tests::normalised_square(pose->machine_from_rig, fixtures::machine_from_rig(*scene.machine, reading_mm), pose->cov);
   }
   std::printf(
       "marker noise %g px, %d seeds: normalised square of machine_from_rig %.2f of 6; %d of %d error motions that are not "

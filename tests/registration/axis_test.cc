@@ -12,6 +12,7 @@
 #include "registration/merge.h"
 #include "registration/stitch.h"
 #include "tests/registration/synthetic_shell.h"
+#include "tests/support/normalised_square.h"
 
 namespace crosstie::registration {
 namespace {
@@ -145,19 +146,13 @@ TEST(Axis, SharedErrorsOfHeadAndFrameNeverAverageDown) {
       error.segment<6>(6 * k) = base::difference(result->stations[static_cast<std::size_t>(k)].machine_from_rig,
                                                  travel.truth[static_cast<std::size_t>(k)]);
     }
-    const auto square = [](const Eigen::VectorXd& off, const Eigen::MatrixXd& cov) {
-      const Eigen::VectorXd scale = cov.diagonal().cwiseSqrt().cwiseInverse();
-      const Eigen::MatrixXd correlation = scale.asDiagonal() * cov * scale.asDiagonal();
-      const Eigen::VectorXd scaled = scale.cwiseProduct(off);
-      return scaled.dot(correlation.ldlt().solve(scaled));
-    };
-    joint += square(error, result->covariance.topLeftCorner(error.size(), error.size()));
+    joint += tests::normalised_square(error, result->covariance.topLeftCorner(error.size(), error.size()));
     const Eigen::Index lens = base::parameter_count(stated.head.left.model());
     Eigen::VectorXd off(2 * lens + 6);
     off << travel.true_head.left.parameters() - result->head->left.parameters(),
         travel.true_head.right.parameters() - result->head->right.parameters(),
         base::difference(result->head->right_from_left, travel.true_head.right_from_left);
-    head += square(off, result->head->cov);
+    head += tests::normalised_square(off, result->head->cov);
     stated_share += result->stations[1].directions[2].share.axis + result->stations[1].directions[2].share.calibration;
     if (seed > 20) continue;
     // The merged cloud: its points lie on the shell to within their covariance.

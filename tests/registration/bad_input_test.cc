@@ -8,6 +8,7 @@
 #include "math/distributions.h"
 #include "registration/stitch.h"
 #include "tests/registration/synthetic_shell.h"
+#include "tests/support/normalised_square.h"
 
 namespace crosstie::registration {
 namespace {
@@ -67,7 +68,7 @@ void expect_true_poses(const Row& row, const base::Stitching& result) {
   const base::Pose frame_from_machine = result.frame == "machine" ? base::Pose{} : row.truth[0].inverse();
   for (std::size_t k = result.frame == "machine" ? 0 : 1; k < row.truth.size(); ++k) {
     const base::StitchedStation& station = result.stations[k];
-    EXPECT_LT(tests::pose_square(station.machine_from_rig, frame_from_machine * row.truth[k], station.cov),
+    EXPECT_LT(tests::normalised_square(station.machine_from_rig, frame_from_machine * row.truth[k], station.cov),
               math::chi_square_quantile(0.9999, 6.0))
         << station.name;
   }

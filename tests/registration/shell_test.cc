@@ -13,6 +13,7 @@
 #include "math/rigid_alignment.h"
 #include "registration/stitch.h"
 #include "tests/registration/synthetic_shell.h"
+#include "tests/support/normalised_square.h"
 
 namespace crosstie::registration {
 namespace {
@@ -97,7 +98,7 @@ TEST_P(ShellPair, MarkersAndSurfaceTogetherAreBetterInEveryDirection) {
     const base::Pose a_from_b = result->stations[0].machine_from_rig.inverse() * result->stations[1].machine_from_rig;
     joint += errors(a_from_b, pair).cwiseAbs2() / seeds;
     markers += errors(by_markers(pair), pair).cwiseAbs2() / seeds;
-    square += tests::pose_square(a_from_b, pair.truth[0].inverse() * pair.truth[1], result->stations[1].cov);
+    square += tests::normalised_square(a_from_b, pair.truth[0].inverse() * pair.truth[1], result->stations[1].cov);
     predicted += std::pow(result->stations[1].directions[2].sigma, 2) / seeds;
     rounds = std::max(rounds, result->iterations.size());
     const base::SourceShares axial = result->stations[1].directions[0].share;

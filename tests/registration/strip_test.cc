@@ -10,6 +10,7 @@
 #include "math/distributions.h"
 #include "registration/stitch.h"
 #include "tests/registration/synthetic_shell.h"
+#include "tests/support/normalised_square.h"
 
 namespace crosstie::registration {
 namespace {
@@ -98,7 +99,7 @@ Draws draw(int count, bool reference, int points) {
     for (const base::StitchDrift& drift : result->drift) {
       if (drift.to == kScans - 1) draws.drift += drift.free_sigma_mm.cwiseAbs2() / count;
     }
-    draws.normalised += tests::pose_square(last.machine_from_rig, truth(kScans - 1), last.cov);
+    draws.normalised += tests::normalised_square(last.machine_from_rig, truth(kScans - 1), last.cov);
     const int first = reference ? 0 : 1;
     Eigen::VectorXd error(6 * (kScans - first));
     for (int k = first; k < kScans; ++k) {
@@ -106,10 +107,7 @@ Draws draw(int count, bool reference, int points) {
           base::difference(result->stations[static_cast<std::size_t>(k)].machine_from_rig, truth(static_cast<std::size_t>(k)));
     }
     const Eigen::MatrixXd cov = result->covariance.bottomRightCorner(error.size(), error.size());
-    const Eigen::VectorXd scale = cov.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::MatrixXd correlation = scale.asDiagonal() * cov * scale.asDiagonal();
-    const Eigen::VectorXd scaled = scale.cwiseProduct(error);
-    draws.joint += scaled.dot(correlation.ldlt().solve(scaled));
+    draws.joint += tests::normalised_square(error, cov);
   }
   draws.square = draws.square.cwiseSqrt();
   draws.predicted = draws.predicted.cwiseSqrt();

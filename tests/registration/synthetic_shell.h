@@ -94,13 +94,4 @@ class Scanner {
   std::normal_distribution<double> normal_;
 };
 
-/// e' C^-1 e of a pose: `true = exp(e) * estimate`.
-inline double pose_square(const base::Pose& estimate, const base::Pose& truth, const base::Matrix6d& cov) {
-  const base::Vector6d error = base::difference(estimate, truth);
-  const base::Vector6d scale = cov.diagonal().cwiseSqrt().cwiseInverse();
-  const base::Matrix6d correlation = scale.asDiagonal() * cov * scale.asDiagonal();
-  const base::Vector6d scaled = scale.cwiseProduct(error);
-  return scaled.dot(correlation.ldlt().solve(scaled));
-}
-
 }  // namespace crosstie::tests

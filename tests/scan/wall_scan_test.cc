@@ -168,7 +168,7 @@ TEST(WallScan, SigmasAreTrueAtGrazingViews) {
     SCOPED_TRACE(names[i]);
     EXPECT_GT(group.errors.count, 5'000);
     EXPECT_NEAR(group.errors.rms(), 1.0, 0.05);
-    EXPECT_NEAR(group.errors.mean(), 0.0, 0.2);  // as on shiny and dark patches
+    EXPECT_NEAR(group.errors.mean(), 0.0, 0.1);  // the bins up to 45 degrees are 0.05 off: not understood yet
     EXPECT_LT(group.errors.far, 1 + 1e-5 * group.errors.count);
   }
 }
@@ -273,7 +273,6 @@ TEST(WallScan, ShinyAndDarkPatchesAreNotBiased) {
       ++biases[g].seeds;
     }
   }
-  constexpr double kSystematic = 0.02;
   const std::array<const char*, 4> names = {"shiny", "dark", "darker", "cut off"};
   for (std::size_t g = 0; g < 4; ++g) {
     const Bias& bias = biases[g];
@@ -285,7 +284,7 @@ TEST(WallScan, ShinyAndDarkPatchesAreNotBiased) {
       std::printf("%-8s %9.0f points of %d seeds, mean %+.4f sigma, of which chance %.4f\n", names[g], bias.count, bias.seeds,
                   mean, scatter);
     EXPECT_LT(std::abs(mean), 0.2);
-    EXPECT_LT(std::abs(mean), 3.0 * scatter + kSystematic);
+    EXPECT_LT(std::abs(mean), 3.0 * scatter);
   }
 }
 

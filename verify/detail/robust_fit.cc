@@ -4,6 +4,8 @@
 #include <array>
 #include <random>
 
+#include "math/median.h"
+
 namespace crosstie::verify::detail {
 namespace {
 
@@ -32,12 +34,6 @@ std::vector<std::array<std::size_t, 3>> triples(std::size_t count) {
   return result;
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 RobustFit evaluate(std::span<const AlignmentPair> pairs, const math::Alignment& alignment) {
   RobustFit fit;
   fit.a_from_b = alignment.a_from_b;
@@ -47,7 +43,7 @@ RobustFit evaluate(std::span<const AlignmentPair> pairs, const math::Alignment& 
         alignment.scale * (alignment.a_from_b.rotation * pair.b_mm) + alignment.a_from_b.translation_mm;
     fit.distance_mm.push_back((pair.a_mm - image).norm());
   }
-  fit.median_mm = median(fit.distance_mm);
+  fit.median_mm = math::median(fit.distance_mm);
   return fit;
 }
 
