@@ -26,8 +26,8 @@ struct SurfaceOptions {
   [[nodiscard]] base::Result<> validate() const;
 };
 
-/// Points against a mesh (distance from the nearest place of its triangles) or, without triangles, a cloud (from the plane through the
-/// nearest twelve points). Signs: triangles are counter-clockwise as seen from outside; a reference cloud's normals, else the measured
+/// Points against a mesh (distance from the nearest place of its triangles) or, without triangles, a cloud (from the surface of second order
+/// through the nearest twenty points). Signs: triangles are counter-clockwise as seen from outside; a reference cloud's normals, else the measured
 /// points' normals, else away from the origin of the reference. Points whose nearest place is on the reference's border, where it
 /// says nothing, are left out and counted.
 ///

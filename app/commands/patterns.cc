@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <string_view>
 
 #include <fmt/core.h>
 
@@ -34,9 +35,9 @@ Result<std::vector<double>> numbers(const Arguments& arguments, const std::strin
 Result<scan::PatternOptions> options_of(const Arguments& arguments) {
   scan::PatternOptions options;
   const std::string size = *arguments.get("--projector");
-  const std::size_t cross = size.find('x');
-  const auto width = base::parse_int(size.substr(0, cross));
-  const auto height = cross == std::string::npos ? std::nullopt : base::parse_int(size.substr(cross + 1));
+  const auto cross = std::find(size.begin(), size.end(), 'x');
+  const auto width = base::parse_int(std::string_view(size.begin(), cross));
+  const auto height = cross == size.end() ? std::nullopt : base::parse_int(std::string_view(cross + 1, size.end()));
   constexpr std::int64_t kMost = 1 << 15;
   if (!width || !height || *width < 1 || *height < 1 || *width > kMost || *height > kMost)
     return base::fail(ErrorCode::kUsage,

@@ -9,7 +9,6 @@
 #include "math/median.h"
 
 namespace crosstie::bundle::detail {
-namespace {}  // namespace
 
 /// What an image point tells of the sigmas.
 struct Weights::Item {

@@ -104,19 +104,24 @@ std::vector<Unmeasured> RimFilter::gaps() const {
     }
     return std::string();
   };
+  const auto add = [&](double from, double to, std::string reason) {
+    Unmeasured& gap = gaps.emplace_back();
+    gap.from_mm = from;
+    gap.to_mm = to;
+    gap.reason = std::move(reason);
+  };
   const auto check = [&](double from, double to) {
     std::string reason = named(from, to);
     if (reason.empty() && to - from <= limit) return;
     if (reason.empty()) reason = "no point of the rim was measured";
-    gaps.push_back({from, to, std::move(reason)});
+    add(from, to, std::move(reason));
   };
   for (std::size_t i = 1; i < s_mm_.size(); ++i) check(s_mm_[i - 1], s_mm_[i]);
   if (closed_) {
     check(s_mm_.back(), s_mm_.front() + length_mm_);
   } else {
-    if (s_mm_.front() > limit) gaps.push_back({0.0, s_mm_.front(), "the rim was not measured from the nominal's beginning on"});
-    if (length_mm_ - s_mm_.back() > limit)
-      gaps.push_back({s_mm_.back(), length_mm_, "the rim was not measured to the nominal's end"});
+    if (s_mm_.front() > limit) add(0.0, s_mm_.front(), "the rim was not measured from the nominal's beginning on");
+    if (length_mm_ - s_mm_.back() > limit) add(s_mm_.back(), length_mm_, "the rim was not measured to the nominal's end");
   }
   return gaps;
 }

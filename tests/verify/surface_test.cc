@@ -118,9 +118,9 @@ TEST(Surface, ACloudIsAReferenceToo) {
   const auto result = compare_surface(measured, reference, {});
   ASSERT_TRUE(result.has_value()) << result.error().message;
   EXPECT_EQ(result->reference, "cloud");
-  // Twelve of 20000 points on 180 x 200 mm lie within about 2.6 mm; the plane through them is up to r^2 / 4R = 0.006 mm under the arc.
-  EXPECT_NEAR(result->mean_mm, 0.12, 0.006);
-  EXPECT_LT(result->sigma_mm, 0.005);
+  // Twenty of 20000 points on 180 x 200 mm lie within about 3.4 mm: a plane would be 0.01 mm under the arc, second order follows it.
+  EXPECT_NEAR(result->mean_mm, 0.12, 1e-4);
+  EXPECT_LT(result->sigma_mm, 0.001);
   EXPECT_LT(result->beyond_border, 400U);
   const auto outside = compare_surface(shell(300.0, 1.2, 400.0, 0.12, 4000, 3), reference, {});
   ASSERT_TRUE(outside.has_value());

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include "verify/detail/box_tree.h"
@@ -9,10 +10,12 @@
 namespace crosstie::verify::detail {
 namespace {
 
-constexpr std::size_t kNeighbours = 12;
+constexpr std::size_t kNeighbours = 20;
 constexpr std::size_t kLeast = 4;
+constexpr std::size_t kLeastCurved = 10;  // points that carry the six values of a curved surface; fewer give a plane
+constexpr double kThin = 0.05;            // of the larger spread: points along a line tell no curvature across it
 /// At a border the neighbours lie on one side: their mean is off the foot by more than this share of their spread (0.64 for a half
-/// disc's mean over its radius, near 0.2 for twelve points all round).
+/// disc's mean over its radius, near 0.15 for twenty points all round).
 constexpr double kOneSided = 0.45;
 
 class CloudReference final : public SurfaceReference {
@@ -32,16 +35,41 @@ class CloudReference final : public SurfaceReference {
     Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
     for (const auto& hit : hits) scatter += (points[hit.index] - mean) * (points[hit.index] - mean).transpose();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter);
+    const double spread = std::sqrt((eigen.eigenvalues()(1) + eigen.eigenvalues()(2)) / static_cast<double>(hits.size()));
+    const Eigen::Vector3d off = p - mean;
+    const double sideways = (off - off.dot(eigen.eigenvectors().col(0)) * eigen.eigenvectors().col(0)).norm();
+    if (sideways > gate_mm + 2.0 * spread) return std::nullopt;
+
+    // Heights over the plane through the neighbours, as a polynomial of second order about the place below p: a plane would lie
+    // a chord's height beside every curved surface.
     SurfaceFoot foot;
     foot.normal = eigen.eigenvectors().col(0);
+    foot.signed_mm = foot.normal.dot(off);
+    const bool curved = hits.size() >= kLeastCurved && eigen.eigenvalues()(1) > kThin * kThin * eigen.eigenvalues()(2);
+    if (curved) {
+      using Vector6 = Eigen::Matrix<double, 6, 1>;
+      Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+      Vector6 right = Vector6::Zero();
+      for (const auto& hit : hits) {
+        const Eigen::Vector3d local = eigen.eigenvectors().transpose() * (points[hit.index] - p) / spread;
+        const Vector6 row{1.0, local.y(), local.z(), local.y() * local.y(), local.y() * local.z(), local.z() * local.z()};
+        normal += row * row.transpose();
+        right += row * local.x();
+      }
+      const Vector6 fit = normal.ldlt().solve(right);
+      if (fit.allFinite()) {
+        const Eigen::Vector3d upright(1.0, -fit(1), -fit(2));
+        foot.normal = eigen.eigenvectors() * upright.normalized();
+        foot.signed_mm = -fit(0) * spread / upright.norm();
+      }
+    }
     const Eigen::Vector3d outside = !known.isZero(0.0) ? known : !side.isZero(0.0) ? side : p;
-    if (foot.normal.dot(outside) < 0.0) foot.normal = -foot.normal;
-    foot.signed_mm = foot.normal.dot(p - mean);
+    if (foot.normal.dot(outside) < 0.0) {
+      foot.normal = -foot.normal;
+      foot.signed_mm = -foot.signed_mm;
+    }
     foot.point = p - foot.signed_mm * foot.normal;
     if (std::abs(foot.signed_mm) > gate_mm) return std::nullopt;
-    const double spread = std::sqrt((eigen.eigenvalues()(1) + eigen.eigenvalues()(2)) / static_cast<double>(hits.size()));
-    const double sideways = (foot.point - mean).norm();
-    if (sideways > gate_mm + 2.0 * spread) return std::nullopt;
     foot.on_border = sideways > kOneSided * spread * std::sqrt(2.0);
     return foot;
   }

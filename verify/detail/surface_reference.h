@@ -29,7 +29,7 @@ class SurfaceReference {
 
 /// Of triangles; the mesh must outlive it.
 [[nodiscard]] std::unique_ptr<SurfaceReference> mesh_reference(const base::Mesh& mesh);
-/// Of points, by the plane through the nearest twelve.
+/// Of points, by the surface of second order through the nearest twenty (moving least squares).
 [[nodiscard]] std::unique_ptr<SurfaceReference> cloud_reference(const base::Cloud& cloud);
 
 }  // namespace crosstie::verify::detail
