@@ -108,9 +108,10 @@ Calibration calibration_of(const Json& json) {
 std::vector<Eigen::Index> rows_of(const Calibration& calibration, const CalibratedCamera& camera) {
   std::vector<Eigen::Index> rows;
   for (const std::string_view parameter : parameter_names(camera.camera.model())) {
-    const std::string start = fmt::format("camera {} {} [", camera.name, parameter);
-    const auto found = std::find_if(calibration.labels.begin(), calibration.labels.end(),
-                                    [&](const std::string& label) { return label.starts_with(start); });
+    const std::string name = fmt::format("camera {} {}", camera.name, parameter);  // those of the distortion have no unit
+    const auto found = std::find_if(calibration.labels.begin(), calibration.labels.end(), [&](const std::string& label) {
+      return label == name || label.starts_with(name + " [");
+    });
     rows.push_back(found == calibration.labels.end() ? -1 : found - calibration.labels.begin());
   }
   return rows;

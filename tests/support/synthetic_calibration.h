@@ -157,9 +157,10 @@ inline base::Calibration synthetic_calibration(unsigned seed = 1) {
 
   for (const base::CalibratedCamera& camera : result.cameras) {
     for (std::size_t i = 0; i < 9; ++i) {
+      const auto name = base::parameter_names(base::LensModel::kOpenCv5)[i];
       const auto unit = base::parameter_units(base::LensModel::kOpenCv5)[i];
-      result.labels.push_back(fmt::format("camera {} {} [{}]", camera.name, base::parameter_names(base::LensModel::kOpenCv5)[i],
-                                          unit.empty() ? "1" : unit));
+      result.labels.push_back(unit.empty() ? fmt::format("camera {} {}", camera.name, name)
+                                           : fmt::format("camera {} {} [{}]", camera.name, name, unit));
     }
   }
   for (const char* part : {"rx [rad]", "ry [rad]", "rz [rad]", "tx [mm]", "ty [mm]", "tz [mm]"})
