@@ -16,18 +16,20 @@ using detail::list_json;
 using detail::matrix_json;
 using detail::upper_triangle_json;
 
-/// All terms of one error motion: `coefficients` are those of the axis, 0 where a term is not significant; `found` is what its test saw.
+/// All terms of one error motion: `coefficients` are those of the axis, 0 where a term takes no part (it is not in `axis_orders`);
+/// `found` is what its test saw.
 Json motion_json(const LinearAxis& axis, const std::string& name) {
   Json json = {{"name", name}, {"unit", "mm"}, {"significant", false}};
-  for (const char* key : {"orders", "coefficients", "found", "sigmas", "p", "significant_orders"}) json[key] = Json::array();
+  for (const char* key : {"orders", "coefficients", "found", "sigmas", "p", "significant_orders", "axis_orders"}) json[key] = Json::array();
   for (const ErrorMotion& term : axis.terms) {
     if (term.name != name) continue;
     if (term.angle) json["unit"] = "rad";
     json["orders"].push_back(term.order);
-    json["coefficients"].push_back(term.significant ? term.coefficient : 0.0);
+    json["coefficients"].push_back(term.in_frame ? term.value : 0.0);
     json["found"].push_back(term.coefficient);
     json["sigmas"].push_back(term.sigma);
     json["p"].push_back(term.p);
+    if (term.in_frame) json["axis_orders"].push_back(term.order);
     if (!term.significant) continue;
     json["significant"] = true;
     json["significant_orders"].push_back(term.order);
@@ -58,7 +60,7 @@ Json axis_json(const LinearAxis& axis) {
   return json;
 }
 
-/// What MachineFrame::at() needs beside the axis; `cov` is joint of pose, direction, scale and significant terms.
+/// What MachineFrame::at() needs beside the axis; `cov` is joint of pose, direction, scale and the terms that take part.
 Json frame_json(const MachineFrame& frame) {
   Json across = Json::array();
   for (Eigen::Index i = 0; i < 3; ++i) {
@@ -66,7 +68,7 @@ Json frame_json(const MachineFrame& frame) {
   }
   std::vector<std::string> terms;
   for (const ErrorMotion& term : frame.axis.terms) {
-    if (term.significant) terms.push_back(term.name + " " + std::to_string(term.order));
+    if (term.in_frame) terms.push_back(term.name + " " + std::to_string(term.order));
   }
   return {{"middle_mm", frame.axis.middle_mm()},
           {"machine_from_rig_at_middle", matrix_json(frame.machine_from_rig_at_middle)},

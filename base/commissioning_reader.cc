@@ -31,7 +31,10 @@ std::vector<ErrorMotion> terms_of(const Json& json) {
     const Eigen::VectorXd found = numbers(motion.at("found"), count);
     const Eigen::VectorXd sigmas = numbers(motion.at("sigmas"), count);
     const Eigen::VectorXd p = numbers(motion.at("p"), count);
+    const Eigen::VectorXd values = numbers(motion.at("coefficients"), count);
     const Json& significant = motion.at("significant_orders");
+    const Json& in_frame = motion.at("axis_orders");
+    const auto has = [](const Json& list, int order) { return std::find(list.begin(), list.end(), order) != list.end(); };
     for (Eigen::Index i = 0; i < count; ++i) {
       ErrorMotion term;
       term.name = name;
@@ -41,7 +44,9 @@ std::vector<ErrorMotion> terms_of(const Json& json) {
       term.coefficient = found(i);
       term.sigma = sigmas(i);
       term.p = p(i);
-      term.significant = std::find(significant.begin(), significant.end(), term.order) != significant.end();
+      term.significant = has(significant, term.order);
+      term.in_frame = has(in_frame, term.order);
+      term.value = values(i);
       terms.push_back(std::move(term));
     }
   }
@@ -76,7 +81,7 @@ MachineFrame frame_of(const Json& json, LinearAxis axis) {
   const Eigen::VectorXd across = numbers(json.at("across"), 6);
   frame.across = Eigen::Map<const Eigen::Matrix<double, 3, 2, Eigen::RowMajor>>(across.data());
   const auto terms =
-      std::count_if(frame.axis.terms.begin(), frame.axis.terms.end(), [](const ErrorMotion& term) { return term.significant; });
+      std::count_if(frame.axis.terms.begin(), frame.axis.terms.end(), [](const ErrorMotion& term) { return term.in_frame; });
   frame.cov = symmetric(json.at("cov"), 9 + static_cast<Eigen::Index>(terms));
   return frame;
 }

@@ -40,8 +40,8 @@ HeadPose evaluate(const MachineFrame& frame, double axis_mm, bool with_terms, Ei
   const double t = place(axis, axis_mm);
   if (with_terms) {
     for (const ErrorMotion& term : axis.terms) {
-      if (!term.significant) continue;
-      (term.angle ? turn : shift)(component(term.name)) += term.coefficient * legendre(term.order, t);
+      if (!term.in_frame) continue;
+      (term.angle ? turn : shift)(component(term.name)) += term.value * legendre(term.order, t);
     }
   }
   const Eigen::Vector3d pivot = axis.pivot_mm + axis.direction_in_machine * axis.middle_mm();
@@ -56,7 +56,7 @@ HeadPose evaluate(const MachineFrame& frame, double axis_mm, bool with_terms, Ei
     jacobian.block<3, 1>(3, 8) = axis.direction_in_machine * (1e-6 * way);
     Eigen::Index column = 9;
     for (const ErrorMotion& term : axis.terms) {
-      if (!term.significant || column >= frame.cov.cols()) continue;
+      if (!term.in_frame || column >= frame.cov.cols()) continue;
       if (with_terms) {
         const double value = legendre(term.order, t);
         if (term.angle) {
@@ -143,7 +143,7 @@ Result<> Cross::validate() const {
 double LinearAxis::value(const std::string& name, double axis_mm) const {
   double sum = 0.0;
   for (const ErrorMotion& term : terms) {
-    if (term.significant && term.name == name) sum += term.coefficient * legendre(term.order, place(*this, axis_mm));
+    if (term.in_frame && term.name == name) sum += term.value * legendre(term.order, place(*this, axis_mm));
   }
   return sum;
 }

@@ -90,10 +90,14 @@ struct ErrorMotion {
   std::string name;  ///< "EYX", ...
   int order = 1;
   bool angle = false;        ///< rad, else mm
-  double coefficient = 0.0;  ///< where it is not significant: what the test found; it takes no part
+  double coefficient = 0.0;  ///< as its test found it, the others that are significant beside it
   double sigma = 0.0;
   double p = 1.0;  ///< probability of a coefficient at least as far from 0 if the true one were 0
   bool significant = false;
+  /// It takes part in the axis with `value`: free where it is significant, else drawn to 0 by a prior whose sigma is as large as what the
+  /// test found, since a motion that is too small to be proved is not proved to be none.
+  bool in_frame = false;
+  double value = 0.0;
 };
 
 /// P_order(t).
@@ -111,7 +115,7 @@ struct LinearAxis {
   double scale_sigma_ppm = 0.0;
   double scale_p = 1.0;            ///< see ErrorMotion::p
   bool scale_significant = false;  ///< the scale takes part in either case
-  std::vector<ErrorMotion> terms;  ///< all that were tested; those that are significant take part
+  std::vector<ErrorMotion> terms;  ///< all that were tested
   double level = 1e-3;             ///< of the tests, each
   double from_mm = 0.0;            ///< readings of the first and the last station: the travel
   double to_mm = 0.0;
@@ -123,7 +127,7 @@ struct LinearAxis {
   double reading_sigma_mm = 0.0;
 
   [[nodiscard]] double middle_mm() const { return 0.5 * (from_mm + to_mm); }
-  /// Value of an error motion at a reading, from the significant terms [mm or rad].
+  /// Value of an error motion at a reading, from the terms that take part [mm or rad].
   [[nodiscard]] double value(const std::string& name, double axis_mm) const;
 };
 
@@ -142,7 +146,7 @@ struct MachineFrame {
   /// Two unit vectors across the direction; the direction's perturbation is their combination.
   Eigen::Matrix<double, 3, 2> across = Eigen::Matrix<double, 3, 2>::Zero();
   /// Joint covariance of machine_from_rig_at_middle [rad, mm], the direction's two perturbations [rad], the scale [ppm] and each
-  /// significant term [mm or rad], in their order.
+  /// term that takes part [mm or rad], in their order.
   Eigen::MatrixXd cov = {};
 
   /// Error kBadInput where `axis_mm` lies outside of the travel: nothing is known of the error motions there.
@@ -273,7 +277,7 @@ struct Commissioning {
   std::vector<Warning> warnings = {};
 
   /// Joint covariance, in `labels`' order: left lens, right lens, right_from_left, machine_from_rig at the middle, the direction's two
-  /// perturbations, scale, significant terms, machine_from_cross, growth, then x y z of each marker of `markers`.
+  /// perturbations, scale, the terms that take part, machine_from_cross, growth, then x y z of each marker of `markers`.
   /// "camera left fx [px]", "rig rx [rad]", "head rx [rad]", "axis across 1 [rad]", "axis scale [ppm]", "axis EBX1 [rad]",
   /// "cross rx [rad]", "cross growth [ppm]", "marker 11 x [mm]"
   Eigen::MatrixXd covariance = {};

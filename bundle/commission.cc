@@ -310,7 +310,7 @@ Result<base::Commissioning> commission(const CommissionInput& input, const Commi
     axis.scale_ppm = straight->scale_ppm;
     const detail::AxisMotion motion =
         detail::find_motion(*stations, axis.carriage, axis.scale_ppm, input.reading_sigma_mm, options);
-    axis.carriage.terms = motion.found();
+    axis.carriage.terms = motion.taken();
     axis.at_middle = motion.at_middle;
     axis.stop_sigma_mm = motion.stop_sigma_mm;
     axis.stop_sigma_rad = motion.stop_sigma_rad;

@@ -51,6 +51,9 @@ struct CommissionOptions {
   /// of ISO 230-1. Nothing: the middle of what the head saw of the cross, on its carriage. Far from there an angle moves all that the head
   /// sees, and photographs cannot tell it from straightness: a roll may then be taken for a pitch.
   std::optional<Eigen::Vector3d> pivot_mm = {};
+  /// Error motions that are not significant take part all the same, near 0 (ErrorMotion::in_frame); false: they are taken to be none, and
+  /// one just below the level biases head and lenses by several of their sigmas.
+  bool small_motions = true;
   /// Distance of an image point from its prediction by the start values beyond which its id is not believed.
   double tolerance_px = 5.0;
   std::optional<WorkingVolume> volume = {};  ///< nothing: the box round the cross as the stations saw it

@@ -245,12 +245,13 @@ Result<StraightAxis> straight_axis(const StationPoses& stations) {
   return axis;
 }
 
-std::vector<AxisTerm> AxisMotion::found() const {
+std::vector<AxisTerm> AxisMotion::taken() const {
   std::vector<AxisTerm> list;
   for (const base::ErrorMotion& term : terms) {
-    if (!term.significant) continue;
+    if (!term.in_frame) continue;
     const char letter = term.name[1];
-    list.push_back({letter == 'Y' || letter == 'B' ? 1 : letter == 'Z' || letter == 'C' ? 2 : 0, term.order, term.angle});
+    list.push_back({letter == 'Y' || letter == 'B' ? 1 : letter == 'Z' || letter == 'C' ? 2 : 0, term.order, term.angle,
+                    term.significant ? 0.0 : std::max(std::abs(term.coefficient), term.sigma)});
   }
   return list;
 }
@@ -359,6 +360,7 @@ AxisMotion find_motion(const StationPoses& stations, const Carriage& straight, d
       tested.p = p_of(at, place);
     }
     tested.significant = is_in;
+    tested.in_frame = is_in || (options.small_motions && tested.sigma > 0.0);
     motion.terms.push_back(std::move(tested));
   }
   return motion;

@@ -51,13 +51,14 @@ struct AxisMotion {
   std::vector<double> w;
   double degrees = 0.0;  ///< of Student's t where stop sigmas were estimated; 0: the normal distribution
 
-  /// Those that are significant, for the adjustment.
-  [[nodiscard]] std::vector<AxisTerm> found() const;
+  /// Those that take part in the adjustment.
+  [[nodiscard]] std::vector<AxisTerm> taken() const;
 };
 
 /// Generalised least squares on the stations' poses, linear about the straight axis; equivalent to the adjustment in which the stations'
 /// joint covariance was found. Terms enter one by one, the most significant first, while its level is below options.significance, and
-/// leave if they are not significant beside the others.
+/// leave if they are not significant beside the others. The rest take part too, each drawn to 0 by a prior with the sigma
+/// max(|found|, its test's sigma): dropped, a true motion just below the level would bias head and lenses by several sigmas.
 AxisMotion find_motion(const StationPoses& stations, const Carriage& carriage, double scale_ppm, double reading_sigma_mm,
                        const CommissionOptions& options);
 

@@ -59,6 +59,7 @@ struct AxisTerm {
   int component = 0;  ///< X, Y, Z or A, B, C
   int order = 1;
   bool angle = false;
+  double prior_sigma = 0.0;  ///< of a value near 0 [mm or rad]; 0: it is free
 };
 
 /// What the model of the carriage needs beside its unknowns.

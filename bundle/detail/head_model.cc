@@ -205,6 +205,22 @@ void add_stations(const CommissionInput& input, const HeadSurvey& survey, double
   }
 }
 
+/// Terms that are not significant stay near 0.
+void add_motion_priors(const std::vector<AxisTerm>& terms, HeadModel& head) {
+  const auto count = static_cast<Index>(terms.size());
+  MatrixXd whitening = MatrixXd::Zero(count, count);
+  Index rows = 0;
+  for (Index i = 0; i < count; ++i) {
+    const double sigma = terms[static_cast<std::size_t>(i)].prior_sigma;
+    if (sigma > 0.0) whitening(rows++, i) = 1.0 / sigma;
+  }
+  if (rows == 0) return;
+  head.model.measurements.push_back(std::make_unique<math::Prior>(std::vector<int>{head.terms},
+                                                                  std::vector<int>{static_cast<int>(count)},
+                                                                  VectorXd::Zero(count), whitening.topRows(rows)));
+  head.groups.push_back({HeadGroup::Kind::kMotion, 0});
+}
+
 void add_axis(const CommissionInput& input, const HeadSurvey& survey, const AxisModel& axis, HeadModel& head) {
   math::Model& model = head.model;
   head.at_middle = model.add(math::pose_block("head", axis.at_middle));
@@ -219,6 +235,7 @@ void add_axis(const CommissionInput& input, const HeadSurvey& survey, const Axis
     }
     std::vector<double> zeros(names.size(), 0.0);
     head.terms = model.add(vector_block("axis", std::move(zeros), std::move(names)));
+    add_motion_priors(axis.carriage.terms, head);
   }
   std::vector<int> carriage{head.at_middle, head.direction, head.scale};
   if (head.terms >= 0) carriage.push_back(head.terms);

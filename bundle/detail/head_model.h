@@ -15,9 +15,9 @@ namespace crosstie::bundle::detail {
 
 /// What a row group of the model is.
 struct HeadGroup {
-  enum class Kind { kImagePoint, kListed, kSphere, kAxis, kCalibration, kTemperature };
+  enum class Kind { kImagePoint, kListed, kSphere, kAxis, kMotion, kCalibration, kTemperature };
   Kind kind = Kind::kImagePoint;
-  int index = 0;  ///< of the ray, the pair, the station
+  int index = 0;  ///< of the ray, the pair, the station; 0 of a prior
 };
 
 /// The unknowns of a commissioning and where they stand in the model.

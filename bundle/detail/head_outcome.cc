@@ -68,13 +68,9 @@ void fill_axis(const HeadResult& at, const MatrixXd& cov, base::MachineFrame& fr
   axis.scale_p = two_sided_p(axis.scale_ppm / axis.scale_sigma_ppm, at.motion.degrees);
   axis.scale_significant = axis.scale_p < at.options.significance;
   axis.terms = at.motion.terms;
-  Index place = 9;
+  std::size_t place = 0;
   for (base::ErrorMotion& term : axis.terms) {
-    if (!term.significant) continue;
-    term.coefficient = values(head.terms)[static_cast<std::size_t>(place - 9)];
-    term.sigma = std::sqrt(cov(place, place));
-    term.p = two_sided_p(term.coefficient / term.sigma, at.motion.degrees);
-    ++place;
+    if (term.in_frame) term.value = values(head.terms)[place++];
   }
   axis.level = at.options.significance;
   axis.from_mm = carriage.middle_mm - carriage.half_mm;
@@ -188,7 +184,8 @@ void fill_groups(const HeadResult& at, base::Commissioning& result) {
   constexpr std::pair<HeadGroup::Kind, const char*> kKinds[] = {
       {HeadGroup::Kind::kImagePoint, "image points"}, {HeadGroup::Kind::kListed, "cross"},
       {HeadGroup::Kind::kSphere, "spheres"},          {HeadGroup::Kind::kAxis, "axis"},
-      {HeadGroup::Kind::kCalibration, "calibration"}, {HeadGroup::Kind::kTemperature, "temperature"}};
+      {HeadGroup::Kind::kMotion, "small motions"},    {HeadGroup::Kind::kCalibration, "calibration"},
+      {HeadGroup::Kind::kTemperature, "temperature"}};
   for (const auto& [kind, name] : kKinds) {
     base::ObservationGroup group{.name = name};
     double square = 0.0;
@@ -201,7 +198,8 @@ void fill_groups(const HeadResult& at, base::Commissioning& result) {
     }
     if (group.observations == 0) continue;
     if (group.redundancy > 1e-6) group.ratio = square / group.redundancy;
-    const bool judged = group.redundancy > 0.5 && kind != HeadGroup::Kind::kImagePoint && kind != HeadGroup::Kind::kAxis;
+    const bool judged = group.redundancy > 0.5 && kind != HeadGroup::Kind::kImagePoint && kind != HeadGroup::Kind::kAxis &&
+                        kind != HeadGroup::Kind::kMotion;
     if (judged && 1.0 - math::chi_square_cdf(square, group.redundancy) < kWarnLevel) {
       result.warnings.push_back(
           {"group_contradicts", name,

@@ -69,13 +69,13 @@ std::string terms_table(const LinearAxis& axis) {
 double basis(const LinearAxis& axis, const ErrorMotion& term, double axis_mm) {
   LinearAxis one = axis;
   one.terms = {term};
-  one.terms[0].coefficient = 1.0;
-  one.terms[0].significant = true;
+  one.terms[0].value = 1.0;
+  one.terms[0].in_frame = true;
   return one.value(term.name, axis_mm);
 }
 
-/// A motion over the travel: the terms that are part of the axis with their joint covariance; where there are none, what was found.
-TravelCurve curve_of(const CommissioningView& view, const ShownMotion& shown, bool significant_only) {
+/// A motion over the travel: as it is part of the axis, with the joint covariance of its terms; where none takes part, what was found.
+TravelCurve curve_of(const CommissioningView& view, const ShownMotion& shown, bool in_frame) {
   const base::MachineFrame& frame = view.result.frame;
   TravelCurve curve{{}, {}, {}, shown.unit};
   for (const base::HeadPose& pose : view.along) {
@@ -84,15 +84,15 @@ TravelCurve curve_of(const CommissioningView& view, const ShownMotion& shown, bo
     Eigen::VectorXd row = Eigen::VectorXd::Zero(frame.cov.rows());
     Eigen::Index column = 9;
     for (const ErrorMotion& term : frame.axis.terms) {
-      if (term.name == shown.letters && (term.significant || !significant_only)) {
+      if (term.name == shown.letters && (term.in_frame || !in_frame)) {
         const double at = basis(frame.axis, term, pose.axis_mm);
-        value += term.coefficient * at;
+        value += (in_frame ? term.value : term.coefficient) * at;
         found_variance += at * at * term.sigma * term.sigma;
-        if (term.significant && column < row.size()) row(column) = at;
+        if (term.in_frame && column < row.size()) row(column) = at;
       }
-      if (term.significant) ++column;
+      if (term.in_frame) ++column;
     }
-    const double variance = significant_only ? row.dot(frame.cov * row) : found_variance;
+    const double variance = in_frame ? row.dot(frame.cov * row) : found_variance;
     curve.at_mm.push_back(pose.axis_mm);
     curve.value.push_back(value * shown.per_unit);
     curve.sigma.push_back(std::sqrt(std::max(0.0, variance)) * shown.per_unit);
@@ -117,13 +117,16 @@ std::vector<TravelMark> marks_of(const CommissioningView& view, const ShownMotio
 std::string motion_figure(const CommissioningView& view, const ShownMotion& shown) {
   const auto& terms = view.result.frame.axis.terms;
   const bool part = std::any_of(terms.begin(), terms.end(),
-                                [&](const ErrorMotion& term) { return term.significant && term.name == shown.letters; });
+                                [&](const ErrorMotion& term) { return term.in_frame && term.name == shown.letters; });
+  const bool proved = std::any_of(terms.begin(), terms.end(),
+                                  [&](const ErrorMotion& term) { return term.significant && term.name == shown.letters; });
   const bool tested =
       std::any_of(terms.begin(), terms.end(), [&](const ErrorMotion& term) { return term.name == shown.letters; });
   const std::string plot = travel_plot(curve_of(view, shown, part), fmt::format("{}: {}", shown.letters, shown.name),
-                                       fmt::format("{} [{}]", shown.letters, shown.unit), marks_of(view, shown), !part);
-  return figure(plot, part     ? "Part of the axis. Band: U (k = 2). Dots: the stations."
-                      : tested ? "Not significant, held at zero; dashed with its band: what the test saw. Dots: the stations."
+                                       fmt::format("{} [{}]", shown.letters, shown.unit), marks_of(view, shown), !proved);
+  return figure(plot, proved   ? "Part of the axis. Band: U (k = 2). Dots: the stations."
+                      : part   ? "Not significant: near zero, part of the axis with its uncertainty. Band: U (k = 2). Dots: the stations."
+                      : tested ? "Not determined by the stations; dashed with its band: what the test saw. Dots: the stations."
                                : "Not tested: the stations do not carry it.");
 }
 

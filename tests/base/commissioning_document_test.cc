@@ -29,7 +29,9 @@ TEST(CommissioningDocument, KeepsItsKeys) {
   EXPECT_EQ(json["axis"]["direction_cov"].size(), 6U);
   EXPECT_EQ(json["axis"]["scale_ppm"], 48.0);
   EXPECT_EQ(json["axis"]["terms"].size(), 6U);
-  EXPECT_EQ(json["axis"]["terms"][0]["coefficients"][0], 0.0) << "what is not significant is no part of the axis";
+  EXPECT_EQ(json["axis"]["terms"][0]["coefficients"][0], 0.0) << "what takes no part is 0";
+  EXPECT_EQ(json["axis"]["terms"][2]["coefficients"][0], -0.0004) << "what is not significant is drawn to 0";
+  EXPECT_EQ(json["axis"]["terms"][2]["significant"], false);
   EXPECT_EQ(json["axis"]["terms"][1]["significant"], true);
   EXPECT_EQ(json["machine_from_rig_at_zero"].size(), 16U);
   EXPECT_EQ(json["cov"].size(), 21U);

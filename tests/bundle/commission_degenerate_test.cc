@@ -182,7 +182,8 @@ TEST(CommissionDegenerate, ThreeTwoOneHoldsItsSixCoordinates) {
   for (const auto& sphere : result->spheres) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const double residual_mm = sphere.residual_mm(static_cast<Eigen::Index>(axis));
-      EXPECT_NEAR(sphere.axes[axis] ? residual_mm : 0.0, 0.0, 1e-6) << sphere.id;
+      // Small motions are drawn to 0 along the axes of the frame: a pull of some nanometres.
+      EXPECT_NEAR(sphere.axes[axis] ? residual_mm : 0.0, 0.0, 1e-5) << sphere.id;
     }
     EXPECT_FALSE(sphere.left_out_mm) << "nothing controls a minimal frame";
   }

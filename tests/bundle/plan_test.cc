@@ -40,7 +40,7 @@ Moved moved(const base::Commissioning& result, const VectorXd& by) {
   axis.scale_ppm += by(f + 8);
   Index place = f + 9;
   for (base::ErrorMotion& term : axis.terms) {
-    if (term.significant) term.coefficient += by(place++);
+    if (term.in_frame) term.value += by(place++);
   }
   return one;
 }

@@ -27,7 +27,7 @@ class TwinAxis : public testing::TestWithParam<double> {};
 
 TEST_P(TwinAxis, IsFoundAsItIsAndNothingElse) {
   const fixtures::Scene described = machine_of_few_boards();
-  const int seeds = tests::seeds(8);
+  const int seeds = tests::seeds(20);
   double square = 0.0;
   int tested = 0;
   int accused = 0;
