@@ -112,6 +112,9 @@ Commissioning commissioning_of(const Json& json) {
   result.baseline_mm = json.at("rig").at("baseline_mm");
   result.baseline_sigma_mm = json.at("rig").at("baseline_sigma_mm");
   result.frame = frame_of(json.at("frame_at_middle"), axis_of(json.at("axis")));
+  result.machine_from_rig_at_zero.machine_from_rig = detail::pose_of(json.at("machine_from_rig_at_zero"));
+  result.machine_from_rig_at_zero.cov = symmetric(json.at("cov"), 6);
+  result.zero_in_travel = json.at("zero_in_travel");
   result.machine_from_cross = detail::pose_of(json.at("machine_from_cross"));
   result.machine_from_cross_cov = symmetric(json.at("machine_from_cross_cov"), 6);
   result.growth_ppm = json.at("growth_ppm");

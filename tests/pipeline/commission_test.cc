@@ -109,9 +109,7 @@ TEST_F(CommissionJob, RunDoesAllStepsAndThenNothing) {
   EXPECT_THAT(before, testing::Not(HasSubstr("certificate_not_checked"))) << "the job has a date";
 }
 
-// Not claimed yet: the rig that is calibrated by this twin's small photographs of the board is off by more than its sigmas say
-// (normalised square 81 of 6), and the head with it (30 to 34 of 6); with sampled corners both are true.
-TEST_F(CommissionJob, DISABLED_PutsTheHeadWhereItIs) {
+TEST_F(CommissionJob, PutsTheHeadWhereItIs) {
   const auto result = base::read_commissioning(results("commission"));
   ASSERT_TRUE(result) << result.error().message;
   const fixtures::Scene truth = fixtures::drawn(small_machine(), kSeed);
