@@ -51,11 +51,7 @@ TEST(Plan, SigmasOfACommissioningAreThoseOfItsDraws) {
   ASSERT_TRUE(plan) << plan.error().message;
   ASSERT_TRUE(plan->rehearsal);
   EXPECT_EQ(plan->rehearsal->quantities.size(), 5U);  // rig by the board, three poses of the head, rig after
-  // The rig after commissioning is farther off than its sigmas say, 8.5 of 6 over 30 draws: not understood yet, and not claimed here.
-  base::Rehearsal claimed = *plan->rehearsal;
-  std::erase_if(claimed.quantities, [](const auto& one) { return one.name == "rig after commissioning"; });
-  ASSERT_EQ(claimed.quantities.size(), 4U);
-  expect_confirmed(claimed);
+  expect_confirmed(*plan->rehearsal);
   ASSERT_EQ(plan->points.size(), 2U);
   for (const base::PlannedPoint& point : plan->points) EXPECT_GT(point.frame_cov_mm2.trace(), 0.0);
   // Twice the noise in all that is seen, with the same cross, probe and axis: sigmas grow, but not to more than twice.
