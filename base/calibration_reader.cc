@@ -108,11 +108,7 @@ Calibration calibration_of(const Json& json) {
 std::vector<Eigen::Index> rows_of(const Calibration& calibration, const CalibratedCamera& camera) {
   std::vector<Eigen::Index> rows;
   for (const std::string_view parameter : parameter_names(camera.camera.model())) {
-    const std::string name = fmt::format("camera {} {}", camera.name, parameter);  // those of the distortion have no unit
-    const auto found = std::find_if(calibration.labels.begin(), calibration.labels.end(), [&](const std::string& label) {
-      return label == name || label.starts_with(name + " [");
-    });
-    rows.push_back(found == calibration.labels.end() ? -1 : found - calibration.labels.begin());
+    rows.push_back(detail::row_of(calibration.labels, fmt::format("camera {} {}", camera.name, parameter)).value_or(-1));
   }
   return rows;
 }

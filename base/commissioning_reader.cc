@@ -139,14 +139,6 @@ Commissioning commissioning_of(const Json& json) {
   return result;
 }
 
-/// Where a parameter stands, whatever its unit; nothing where it does not.
-std::optional<Eigen::Index> place_of(const std::vector<std::string>& labels, const std::string& parameter) {
-  const auto found = std::find_if(labels.begin(), labels.end(), [&](const std::string& label) {
-    return label == parameter || label.starts_with(parameter + " [");
-  });
-  return found == labels.end() ? std::nullopt : std::optional(found - labels.begin());
-}
-
 /// The block of lenses and rig; parameters that were held are not in the covariance and have zeros.
 Eigen::MatrixXd head_covariance(const Commissioning& result) {
   std::vector<std::string> wanted;
@@ -159,7 +151,7 @@ Eigen::MatrixXd head_covariance(const Commissioning& result) {
   std::vector<Eigen::Index> from;
   std::vector<Eigen::Index> to;
   for (std::size_t i = 0; i < wanted.size(); ++i) {
-    if (const auto place = place_of(result.labels, wanted[i])) {
+    if (const auto place = detail::row_of(result.labels, wanted[i])) {
       from.push_back(*place);
       to.push_back(static_cast<Eigen::Index>(i));
     }
@@ -179,7 +171,7 @@ Result<Commissioning> read_commissioning(const std::filesystem::path& folder) {
   if (!joint) return fail(std::move(joint));
   result->covariance = std::move(joint->matrix);
   result->labels = std::move(joint->labels);
-  if (!place_of(result->labels, "rig rx")) return detail::bad_result(folder / "result.json", "its covariance holds no rig");
+  if (!detail::row_of(result->labels, "rig rx")) return detail::bad_result(folder / "result.json", "its covariance holds no rig");
   result->head.cov = head_covariance(*result);
   return result;
 }

@@ -1,5 +1,6 @@
 #include "base/detail/result_reading.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -61,6 +62,13 @@ Head head_of(const Json& json) {
             .right_from_left = pose_of(rig.at("right_from_left"))};
   if (const Json& temperature = rig.at("temperature_c"); !temperature.is_null()) head.temperature_c = temperature;
   return head;
+}
+
+std::optional<Eigen::Index> row_of(const std::vector<std::string>& labels, const std::string& parameter) {
+  const auto found = std::find_if(labels.begin(), labels.end(), [&](const std::string& label) {
+    return label == parameter || label.starts_with(parameter + " [");
+  });
+  return found == labels.end() ? std::nullopt : std::optional(found - labels.begin());
 }
 
 void check_verb(const Json& json, std::string_view verb) {

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -46,6 +49,9 @@ Eigen::MatrixXd symmetric(const Json& json, Eigen::Index size);
 Pose pose_of(const Json& json);
 /// An entry of "cameras", with its covariance where there is one.
 Camera lens_of(const Json& json);
+/// The row of a covariance that belongs to a parameter, whatever its unit ("camera left k1", "camera left fx [px]"); nothing where it
+/// was held.
+std::optional<Eigen::Index> row_of(const std::vector<std::string>& labels, const std::string& parameter);
 /// Of "cameras" and "rig", without a covariance.
 Head head_of(const Json& json);
 /// Throws where the document is not the result of this verb.

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
 
+#include "base/calibration_reader.h"
 #include "calib/calibrate.h"
 #include "math/projection_difference.h"
 #include "tests/calib/true_boards.h"
@@ -147,6 +148,18 @@ TEST(Uncertainty, GrowsOutsideOfTheBoardsAndWithTheDistanceAcross) {
   ASSERT_TRUE(with_noise && without);
   const int cell = without->grid.columns * (without->grid.rows / 2) + without->grid.columns / 2;
   EXPECT_GT(with_noise->sigma_mm(cell), without->sigma_mm(cell));
+}
+
+TEST(Uncertainty, OfWholeLensesGoesOnToLaterSteps) {
+  const auto scene = tests::make_scene(tests::scene_board(), {.seed = 7});
+  const auto result = calibrate(scene.views, {.lens = base::LensModel::kOpenCv5, .cross_validate = false});
+  ASSERT_TRUE(result) << result.error().message;
+  const auto joint = base::joint_covariance(*result, {result->cameras[0].name, result->cameras[1].name}, true);
+  ASSERT_TRUE(joint) << joint.error().message;
+  ASSERT_EQ(joint->rows(), 24);
+  EXPECT_EQ((joint->topLeftCorner<9, 9>()), result->cameras[0].camera.covariance()) << "focal lengths as well as distortion";
+  EXPECT_EQ((joint->block<9, 9>(9, 9)), result->cameras[1].camera.covariance());
+  EXPECT_GT(joint->diagonal().minCoeff(), 0.0);
 }
 
 TEST(Uncertainty, RefusesWithAReason) {
