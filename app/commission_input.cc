@@ -206,7 +206,6 @@ Result<std::vector<base::ResultInput>> commission_inputs(const Job& job, const C
     if (!file.place.empty()) input->path = file.place;
     inputs.push_back(std::move(*input));
   }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   return inputs;
 }
 

@@ -23,7 +23,8 @@ nlohmann::ordered_json earlier_result(const std::filesystem::path& folder, const
 /// kVerdictFailed where a verdict of the result is a FAIL.
 Outcome outcome_of(const nlohmann::ordered_json& result);
 
-/// Whether a result was computed from exactly these inputs.
+/// Whether a result was computed from exactly these inputs, in their order: files that change places, left and right or measured and
+/// reference, are other inputs.
 bool same_inputs(const nlohmann::ordered_json& result, const std::vector<base::ResultInput>& inputs);
 
 /// Writes report.html and result.json into a folder in the making and puts it in its place.

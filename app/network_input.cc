@@ -370,7 +370,6 @@ Result<std::vector<base::ResultInput>> network_inputs(const Job& job, const fs::
     if (!input) return base::fail(std::move(input));
     inputs.push_back(std::move(*input));
   }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   return inputs;
 }
 

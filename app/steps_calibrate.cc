@@ -108,7 +108,6 @@ Result<std::vector<base::ResultInput>> inputs_of(const CalibrationTask& task) {
     if (!input) return base::fail(std::move(input));
     inputs.push_back(std::move(*input));
   }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   return inputs;
 }
 

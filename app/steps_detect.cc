@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <set>
 
 #include <fmt/core.h>
 #include <nlohmann/json.hpp>
@@ -57,25 +56,29 @@ std::size_t coded_count(const ImageObservations& image) {
                     [](const auto& observation) { return observation.status == base::ObservationStatus::kCoded; }));
 }
 
-/// What is known of each image from an earlier result, by name.
+/// What is known of each image from an earlier result, by name: that of the same file, and nothing where a name now means another one.
+/// `inputs` are the images' files, in their order, here and in the result.
 std::map<std::string, ImageObservations> reusable(const ordered_json& earlier, const fs::path& folder,
                                                   const std::vector<ImageFile>& images,
                                                   const std::vector<base::ResultInput>& inputs) {
   std::map<std::string, ImageObservations> found;
   auto observations = base::read_observations(folder / "observations.csv");
   if (earlier.is_null() || !observations) return found;
-  std::set<std::pair<std::string, std::string>> unchanged;
   std::map<std::string, ImageObservations> by_name;
   for (ImageObservations& image : *observations) by_name.emplace(image.image, std::move(image));
   try {
-    for (const ordered_json& input : earlier.at("inputs")) unchanged.emplace(input.at("path"), input.at("sha256"));
-    std::map<std::string, const ordered_json*> described;
-    for (const ordered_json& image : earlier.at("images")) described[image.at("name").get<std::string>()] = &image;
+    std::map<std::string, std::pair<const ordered_json*, const ordered_json*>> described;  // image and file
+    for (std::size_t i = 0; i < earlier.at("images").size(); ++i) {
+      const ordered_json& image = earlier["images"][i];
+      described[image.at("name").get<std::string>()] = {&image, &earlier.at("inputs").at(i)};
+    }
     for (std::size_t i = 0; i < images.size(); ++i) {
       const auto description = described.find(images[i].name);
-      if (description == described.end() || !unchanged.contains({inputs[i].path, inputs[i].sha256})) continue;
+      if (description == described.end()) continue;
+      const ordered_json& file = *description->second.second;
+      if (file.at("path") != inputs[i].path || file.at("sha256") != inputs[i].sha256) continue;
       ImageObservations image = by_name[images[i].name];
-      const ordered_json& json = *description->second;
+      const ordered_json& json = *description->second.first;
       image.image = images[i].name;
       image.width_px = json.at("width");
       image.height_px = json.at("height");
@@ -147,10 +150,8 @@ Result<StepOutcome> detect_step(const DetectionTask& task, const fs::path& out, 
     inputs[i] = std::move(*input);
   }
   const ordered_json earlier = earlier_result(out, options);
-  std::vector<base::ResultInput> sorted = inputs;
-  std::sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   std::map<std::string, ImageObservations> known = reusable(earlier, out, task.images, inputs);
-  if (!timings && known.size() == count && same_inputs(earlier, sorted)) {
+  if (!timings && known.size() == count && same_inputs(earlier, inputs)) {
     return StepOutcome{out, fmt::format("{} images, up to date", count), true, Outcome::kOk};
   }
   if (timings) known.clear();
@@ -175,7 +176,7 @@ Result<StepOutcome> detect_step(const DetectionTask& task, const fs::path& out, 
   });
   if (!done) return base::fail(std::move(done));
 
-  base::ResultEnvelope envelope{"detect", "pixel", sorted, {}, warnings_of(images, inputs, task)};
+  base::ResultEnvelope envelope{"detect", "pixel", inputs, {}, warnings_of(images, inputs, task)};
   if (auto written = base::write_observations(folder->path() / "observations.csv", images); !written)
     return base::fail(std::move(written));
   const ordered_json result = base::result_json(envelope, options, base::detection_json(images, timings));

@@ -2,7 +2,6 @@
 
 #include "app/steps_edge.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -53,7 +52,6 @@ Result<std::vector<base::ResultInput>> inputs_of(const EdgeTask& task, const edg
     if (!input) return base::fail(std::move(input));
     inputs.push_back(*std::move(input));
   }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   return inputs;
 }
 

@@ -100,9 +100,6 @@ Result<std::vector<base::ResultInput>> inputs_of(const ScanTask& task, const bas
     if (!input) return base::fail(std::move(input));
     inputs.push_back(*std::move(input));
   }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
-  inputs.erase(std::unique(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path == b.path; }),
-               inputs.end());
   return inputs;
 }
 

@@ -71,7 +71,6 @@ Result<std::vector<base::ResultInput>> hashed(const std::vector<fs::path>& paths
     if (!input) return fail(std::move(input));
     inputs.push_back(*std::move(input));
   }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   return inputs;
 }
 

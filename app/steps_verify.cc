@@ -163,7 +163,6 @@ Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& ou
       input->path = kAdjustInput;  // by its place in the job, wherever --out puts it
     inputs.push_back(std::move(*input));
   }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   const ordered_json earlier = earlier_result(out, options_json);
   if (same_inputs(earlier, inputs)) {
     return StepOutcome{out, "up to date", true, outcome_of(earlier)};

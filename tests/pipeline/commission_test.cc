@@ -291,7 +291,7 @@ const BadMachine kBadMachines[] = {
      3, "reading"},
     {"left and right exchanged", "job.toml",
      [](auto text) { return replaced(replaced(replaced(text, "_l.png", "_t.png"), "_r.png", "_l.png"), "_t.png", "_r.png"); },
-     3, "check the unit of the readings and that each belongs to its photographs"},
+     3, "left and right photographs are swapped"},
     {"a camera that is not the head's", "job.toml",
      [](auto text) {
        return replaced(text, "cross = { left = \"cross/x0250_l.png\"", "cross = { middle = \"cross/x0250_l.png\"");
@@ -330,7 +330,7 @@ const BadMachine kBadMachines[] = {
        }
        return result;
      },
-     3, "check the unit of the readings"},
+     3, "the readings are in inches"},
     {"all readings equal", "job.toml",
      [](auto text) {
        std::string result;

@@ -65,6 +65,16 @@ TEST(VerifySurface, ACloudAShellAndARim) {
   for (const char* file : {"report.html", "surface.csv", "edge_deviations.csv"})
     EXPECT_TRUE(std::filesystem::exists(folder / "check" / file)) << file;
   EXPECT_FALSE(json->contains("points")) << "no points were compared";
+
+  // The same files in each other's place are another comparison, not one that is up to date.
+  const auto exchanged =
+      run_program({"verify", "--cloud", (folder / "reference.ply").string(), "--surface", (folder / "measured.ply").string(),
+                   "--shell", "cylinder", "--tolerance-mm", "0.2", "--edge", (folder / "reference.csv").string(),
+                   "--edge-reference", (folder / "measured.csv").string(), "--out", (folder / "check").string()});
+  ASSERT_EQ(exchanged.exit_code, 0) << exchanged.err;
+  const auto other = base::read_json(folder / "check" / "result.json");
+  ASSERT_TRUE(other.has_value()) << other.error().message;
+  EXPECT_NEAR((*other)["surface"]["mean_mm"].get<double>(), -0.1, 0.002);
 }
 
 TEST(VerifySurface, WhatCannotBeComparedIsNamedAndNothingIsWritten) {
