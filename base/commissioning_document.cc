@@ -20,7 +20,8 @@ using detail::upper_triangle_json;
 /// `found` is what its test saw.
 Json motion_json(const LinearAxis& axis, const std::string& name) {
   Json json = {{"name", name}, {"unit", "mm"}, {"significant", false}};
-  for (const char* key : {"orders", "coefficients", "found", "sigmas", "p", "significant_orders", "axis_orders"}) json[key] = Json::array();
+  for (const char* key : {"orders", "coefficients", "found", "sigmas", "p", "significant_orders", "axis_orders"})
+    json[key] = Json::array();
   for (const ErrorMotion& term : axis.terms) {
     if (term.name != name) continue;
     if (term.angle) json["unit"] = "rad";

@@ -171,7 +171,8 @@ Result<Commissioning> read_commissioning(const std::filesystem::path& folder) {
   if (!joint) return fail(std::move(joint));
   result->covariance = std::move(joint->matrix);
   result->labels = std::move(joint->labels);
-  if (!detail::row_of(result->labels, "rig rx")) return detail::bad_result(folder / "result.json", "its covariance holds no rig");
+  if (!detail::row_of(result->labels, "rig rx"))
+    return detail::bad_result(folder / "result.json", "its covariance holds no rig");
   result->head.cov = head_covariance(*result);
   return result;
 }

@@ -250,8 +250,10 @@ std::vector<AxisTerm> AxisMotion::taken() const {
   for (const base::ErrorMotion& term : terms) {
     if (!term.in_frame) continue;
     const char letter = term.name[1];
-    list.push_back({letter == 'Y' || letter == 'B' ? 1 : letter == 'Z' || letter == 'C' ? 2 : 0, term.order, term.angle,
-                    term.significant ? 0.0 : std::max(std::abs(term.coefficient), term.sigma)});
+    list.push_back({letter == 'Y' || letter == 'B'   ? 1
+                    : letter == 'Z' || letter == 'C' ? 2
+                                                     : 0,
+                    term.order, term.angle, term.significant ? 0.0 : std::max(std::abs(term.coefficient), term.sigma)});
   }
   return list;
 }

@@ -215,9 +215,8 @@ void add_motion_priors(const std::vector<AxisTerm>& terms, HeadModel& head) {
     if (sigma > 0.0) whitening(rows++, i) = 1.0 / sigma;
   }
   if (rows == 0) return;
-  head.model.measurements.push_back(std::make_unique<math::Prior>(std::vector<int>{head.terms},
-                                                                  std::vector<int>{static_cast<int>(count)},
-                                                                  VectorXd::Zero(count), whitening.topRows(rows)));
+  head.model.measurements.push_back(std::make_unique<math::Prior>(
+      std::vector<int>{head.terms}, std::vector<int>{static_cast<int>(count)}, VectorXd::Zero(count), whitening.topRows(rows)));
   head.groups.push_back({HeadGroup::Kind::kMotion, 0});
 }
 

@@ -124,10 +124,11 @@ std::string motion_figure(const CommissioningView& view, const ShownMotion& show
       std::any_of(terms.begin(), terms.end(), [&](const ErrorMotion& term) { return term.name == shown.letters; });
   const std::string plot = travel_plot(curve_of(view, shown, part), fmt::format("{}: {}", shown.letters, shown.name),
                                        fmt::format("{} [{}]", shown.letters, shown.unit), marks_of(view, shown), !proved);
-  return figure(plot, proved   ? "Part of the axis. Band: U (k = 2). Dots: the stations."
-                      : part   ? "Not significant: near zero, part of the axis with its uncertainty. Band: U (k = 2). Dots: the stations."
-                      : tested ? "Not determined by the stations; dashed with its band: what the test saw. Dots: the stations."
-                               : "Not tested: the stations do not carry it.");
+  return figure(
+      plot, proved   ? "Part of the axis. Band: U (k = 2). Dots: the stations."
+            : part   ? "Not significant: near zero, part of the axis with its uncertainty. Band: U (k = 2). Dots: the stations."
+            : tested ? "Not determined by the stations; dashed with its band: what the test saw. Dots: the stations."
+                     : "Not tested: the stations do not carry it.");
 }
 
 }  // namespace

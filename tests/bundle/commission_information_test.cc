@@ -116,7 +116,8 @@ TEST(CommissionInformation, NoneIsLost) {
   const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
   const VectorXd limit = scale.cwiseProduct(scaled.llt().solve(MatrixXd::Identity(at.size, at.size)).diagonal().cwiseSqrt());
 
-  const auto result = commission(of.input, {.estimate_image_sigma = false, .pivot_mm = Eigen::Vector3d(0.0, 0.0, 0.0), .small_motions = false});
+  const auto result =
+      commission(of.input, {.estimate_image_sigma = false, .pivot_mm = Eigen::Vector3d(0.0, 0.0, 0.0), .small_motions = false});
   ASSERT_TRUE(result) << result.error().message;
   const base::LinearAxis& axis = result->frame.axis;
   for (const base::ErrorMotion& term : axis.terms) {

@@ -38,9 +38,12 @@ inline base::Commissioning synthetic_commissioning(unsigned seed = 1) {
   axis.from_mm = -100.0;
   axis.to_mm = 900.0;
   axis.reading_sigma_mm = 0.005;
-  axis.terms = {{"EXX", 2, false, 0.003, 0.004, 0.45, false},  {"EYX", 2, false, 0.031, 0.005, 6e-10, true, true, 0.031},
-                {"EZX", 2, false, -0.002, 0.006, 0.74, false, true, -0.0004}, {"EAX", 1, true, 4e-6, 6e-6, 0.5, false},
-                {"EBX", 1, true, 2.5e-5, 4e-6, 4e-10, true, true, 2.5e-5},   {"ECX", 1, true, -1e-6, 5e-6, 0.84, false}};
+  axis.terms = {{"EXX", 2, false, 0.003, 0.004, 0.45, false},
+                {"EYX", 2, false, 0.031, 0.005, 6e-10, true, true, 0.031},
+                {"EZX", 2, false, -0.002, 0.006, 0.74, false, true, -0.0004},
+                {"EAX", 1, true, 4e-6, 6e-6, 0.5, false},
+                {"EBX", 1, true, 2.5e-5, 4e-6, 4e-10, true, true, 2.5e-5},
+                {"ECX", 1, true, -1e-6, 5e-6, 0.84, false}};
   result.frame.machine_from_rig_at_middle = {
       Eigen::Quaterniond(Eigen::AngleAxisd(3.0, Eigen::Vector3d(1.0, 0.02, 0.01).normalized())), {400.0, 12.0, 1300.0}};
   result.frame.across << 4e-4, 2e-4, -1.0, 0.0, 0.0, 1.0;
@@ -126,9 +129,8 @@ inline base::Commissioning synthetic_commissioning(unsigned seed = 1) {
   result.labels = calibration.labels;
   for (const char* part : {"rx [rad]", "ry [rad]", "rz [rad]", "tx [mm]", "ty [mm]", "tz [mm]"})
     result.labels.push_back(fmt::format("head at middle {}", part));
-  for (const char* name :
-       {"axis across 1 [rad]", "axis across 2 [rad]", "axis scale [ppm]", "axis EYX 2 [mm]", "axis EZX 2 [mm]",
-        "axis EBX 1 [rad]"})
+  for (const char* name : {"axis across 1 [rad]", "axis across 2 [rad]", "axis scale [ppm]", "axis EYX 2 [mm]",
+                           "axis EZX 2 [mm]", "axis EBX 1 [rad]"})
     result.labels.emplace_back(name);
   result.covariance = Eigen::MatrixXd::Zero(36, 36);
   result.covariance.topLeftCorner<24, 24>() = result.head.cov;
