@@ -39,7 +39,7 @@ std::string terms_table(const LinearAxis& axis) {
       fmt::format(
           "Error motions of the axis after ISO 230-1, each a Legendre polynomial over the travel, largest value equal to its "
           "coefficient. p: how often a coefficient at least this large is found where there is none. Those with p below {} are "
-          "part of the axis; the others are held at zero, and the table shows what the test saw.",
+          "significant; the others take part in the axis near zero, with their uncertainty. The table shows what each test saw.",
           plain(axis.level)),
       {{"Motion", "", "", false},
        {"What it is", "", "", false},
@@ -49,7 +49,7 @@ std::string terms_table(const LinearAxis& axis) {
        {"U", "", "k = 2"},
        {"Unit", "", "", false},
        {"p", ""},
-       {"Part of the axis", "", "", false}});
+       {"Significant", "", "", false}});
   for (const ErrorMotion& term : axis.terms) {
     const ShownMotion* shown = shown_motion(term.name);
     if (shown == nullptr) continue;
