@@ -1,5 +1,5 @@
 # Headers that most sources read, parsed once: the modules share one precompiled header, the tests another that adds GoogleTest.
-# Both stand for time only; every source still names what it includes (preset tidy builds without them).
+# Both stand for time only; every source still names what it includes (presets dev, asan and tidy build without them).
 set(CROSSTIE_PRECOMPILED <algorithm> <array> <cmath> <cstdint> <filesystem> <functional> <map> <numbers> <optional> <set> <span>
                          <string> <string_view> <vector> <Eigen/Core> <Eigen/Geometry> <Eigen/Cholesky> <Eigen/Eigenvalues>
                          <fmt/format.h> <tl/expected.hpp>)
