@@ -19,6 +19,17 @@ Result<base::ResultInput> hashed_input(const std::filesystem::path& path, const 
   return base::ResultInput{(ignored ? path : relative).generic_string(), std::move(*hash)};
 }
 
+Result<std::vector<base::ResultInput>> hashed_inputs(const std::vector<std::filesystem::path>& paths,
+                                                     const std::filesystem::path& folder) {
+  std::vector<base::ResultInput> inputs;
+  for (const std::filesystem::path& path : paths) {
+    auto input = hashed_input(path, folder);
+    if (!input) return base::fail(std::move(input));
+    inputs.push_back(*std::move(input));
+  }
+  return inputs;
+}
+
 ordered_json earlier_result(const std::filesystem::path& folder, const ordered_json& options) {
   const auto result = base::read_json(folder / "result.json");
   if (!result || !result->is_object()) return nullptr;

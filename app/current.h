@@ -16,6 +16,10 @@ namespace crosstie::app {
 /// Path relative to `folder`, with forward slashes, and the file's hash.
 base::Result<base::ResultInput> hashed_input(const std::filesystem::path& path, const std::filesystem::path& folder);
 
+/// The same of each of them, in their order: that is their roles.
+base::Result<std::vector<base::ResultInput>> hashed_inputs(const std::vector<std::filesystem::path>& paths,
+                                                           const std::filesystem::path& folder);
+
 /// The result of a verb as it stands in a folder, where it was made by this version with these options; null otherwise (also
 /// where it is missing or damaged: then it is computed again).
 nlohmann::ordered_json earlier_result(const std::filesystem::path& folder, const nlohmann::ordered_json& options);

@@ -1,7 +1,5 @@
 #include "app/part_position.h"
 
-#include <algorithm>
-
 #include <fmt/core.h>
 
 #include "base/file.h"
@@ -113,7 +111,6 @@ std::vector<std::filesystem::path> part_files(const Job& job) {
   for (const auto& file : {job.part.points, job.part.measured}) {
     if (file) files.push_back(job.resolve(*file));
   }
-  std::sort(files.begin(), files.end());
   return files;
 }
 

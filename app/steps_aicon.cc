@@ -1,7 +1,5 @@
 // an AICON project -> coordinates
 
-#include <algorithm>
-
 #include <nlohmann/json.hpp>
 
 #include "app/adjust_result.h"
@@ -33,13 +31,8 @@ Result<StepOutcome> adjust_aicon_step(const AiconTask& task, const fs::path& out
     reading.excluded = std::move(*excluded);
     files.push_back(*task.excluded);
   }
-  std::vector<base::ResultInput> inputs;
-  for (const fs::path& file : files) {
-    auto input = hashed_input(file, task.folder);
-    if (!input) return base::fail(std::move(input));
-    inputs.push_back(std::move(*input));
-  }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
+  auto inputs = hashed_inputs(files, task.folder);
+  if (!inputs) return base::fail(std::move(inputs));
 
   auto network = base::read_aicon_network(*project, reading);
   if (!network) return base::fail(std::move(network));
@@ -57,7 +50,7 @@ Result<StepOutcome> adjust_aicon_step(const AiconTask& task, const fs::path& out
   const auto adjusted = bundle::adjust(*network, how, session.progress());
   if (!adjusted) return tl::unexpected(adjusted.error());
   const std::string title = project->image_points.stem().string();
-  return write_adjustment(*folder, out, *adjusted, {title, std::move(inputs), options, {}});
+  return write_adjustment(*folder, out, *adjusted, {title, *std::move(inputs), options, {}});
 }
 
 }  // namespace crosstie::app

@@ -102,13 +102,7 @@ Result<std::vector<base::ResultInput>> inputs_of(const CalibrationTask& task) {
   if (task.previous) {
     for (const char* name : {"result.json", "covariance.json", "covariance.npy"}) files.push_back(*task.previous / name);
   }
-  std::vector<base::ResultInput> inputs;
-  for (const fs::path& file : files) {
-    auto input = hashed_input(file, task.base_folder);
-    if (!input) return base::fail(std::move(input));
-    inputs.push_back(std::move(*input));
-  }
-  return inputs;
+  return hashed_inputs(files, task.base_folder);
 }
 
 bool is_jpeg(const ImageFile& file) {

@@ -2,8 +2,6 @@
 
 #include "app/steps_compare.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -27,17 +25,6 @@ ordered_json effective_options(const math::ProjectionDifferenceOptions& options)
           {"significance", options.significance}};
 }
 
-Result<std::vector<base::ResultInput>> inputs_of(const ComparisonTask& task) {
-  std::vector<base::ResultInput> inputs;
-  for (const fs::path& file : {task.a.file, task.b.file}) {
-    auto input = hashed_input(file, task.base_folder);
-    if (!input) return base::fail(std::move(input));
-    inputs.push_back(*std::move(input));
-  }
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
-  return inputs;
-}
-
 }  // namespace
 
 Result<ModelComparison> compare_models(const ComparisonTask& task) {
@@ -56,7 +43,7 @@ Outcome outcome_of(const ModelComparison& comparison) {
 }
 
 Result<Outcome> write_comparison(const ComparisonTask& task, const ModelComparison& comparison, const fs::path& out) {
-  auto inputs = inputs_of(task);
+  auto inputs = hashed_inputs({task.a.file, task.b.file}, task.base_folder);
   if (!inputs) return base::fail(std::move(inputs));
   base::ResultEnvelope envelope{"compare", "camera", *std::move(inputs), {}, {}};
   if (const auto& test = comparison.difference.test) {

@@ -46,13 +46,7 @@ ordered_json effective_options(const EdgeTask& task) {
 Result<std::vector<base::ResultInput>> inputs_of(const EdgeTask& task, const edge::Nominal& nominal,
                                                  std::vector<fs::path> files) {
   if (nominal.kind == edge::NominalKind::kPoints) files.emplace_back(task.nominal);
-  std::vector<base::ResultInput> inputs;
-  for (const fs::path& file : files) {
-    auto input = hashed_input(file, task.base_folder);
-    if (!input) return base::fail(std::move(input));
-    inputs.push_back(*std::move(input));
-  }
-  return inputs;
+  return hashed_inputs(files, task.base_folder);
 }
 
 ordered_json nominal_json(const edge::NominalFit& fit) {

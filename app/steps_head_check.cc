@@ -115,7 +115,6 @@ Result<HeadCheckOutcome> check_head_step(const Job& job, const HeadCheckTask& ta
   if (!of_commissioning) return base::fail(std::move(of_commissioning));
   of_commissioning->path = "results/commission/result.json";
   inputs.push_back(std::move(*of_commissioning));
-  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
 
   auto folder = ResultFolder::begin(out);
   if (!folder) return base::fail(std::move(folder));

@@ -94,13 +94,7 @@ Result<std::vector<base::ResultInput>> inputs_of(const ScanTask& task, const bas
   for (const base::Pattern& pattern : sequence.patterns) {
     for (std::size_t camera = 0; camera < 2; ++camera) paths.push_back(image_path(task, pattern, camera));
   }
-  std::vector<base::ResultInput> inputs;
-  for (const fs::path& path : paths) {
-    auto input = hashed_input(path, task.base_folder);
-    if (!input) return base::fail(std::move(input));
-    inputs.push_back(*std::move(input));
-  }
-  return inputs;
+  return hashed_inputs(paths, task.base_folder);
 }
 
 /// One camera's phases, and the image for its markers.

@@ -64,16 +64,6 @@ ordered_json effective_options(const StitchTask& task) {
   return json;
 }
 
-Result<std::vector<base::ResultInput>> hashed(const std::vector<fs::path>& paths, const fs::path& base_folder) {
-  std::vector<base::ResultInput> inputs;
-  for (const fs::path& path : paths) {
-    auto input = hashed_input(path, base_folder);
-    if (!input) return fail(std::move(input));
-    inputs.push_back(*std::move(input));
-  }
-  return inputs;
-}
-
 std::vector<fs::path> files_of(const StitchTask& task) {
   std::vector<fs::path> paths;
   for (const StitchTask::Station& station : task.stations) {
@@ -239,7 +229,7 @@ Result<StitchTask> stitch_task(const Job& job, const fs::path& results) {
 
 Result<StepOutcome> stitch_step(const StitchTask& task, const fs::path& out, Session& session) {
   const ordered_json options = effective_options(task);
-  const auto inputs = hashed(files_of(task), task.base_folder);
+  const auto inputs = hashed_inputs(files_of(task), task.base_folder);
   if (!inputs) return tl::unexpected(inputs.error());
   if (const ordered_json earlier = earlier_result(out, options); same_inputs(earlier, *inputs)) {
     return StepOutcome{out, "up to date", true, outcome_of(earlier)};
@@ -284,7 +274,7 @@ Result<StepOutcome> stitch_step(const StitchTask& task, const fs::path& out, Ses
 Result<StepOutcome> surface_stitch_step(const SurfaceStitchTask& task, const fs::path& out, Session& session) {
   ordered_json options = options_json(task.surface, task.stitch, task.merge);
   options["surface_only"] = true;
-  const auto inputs = hashed(task.clouds, out.parent_path());
+  const auto inputs = hashed_inputs(task.clouds, out.parent_path());
   if (!inputs) return tl::unexpected(inputs.error());
   if (const ordered_json earlier = earlier_result(out, options); same_inputs(earlier, *inputs)) {
     return StepOutcome{out, "up to date", true, outcome_of(earlier)};

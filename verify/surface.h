@@ -26,9 +26,9 @@ struct SurfaceOptions {
   [[nodiscard]] base::Result<> validate() const;
 };
 
-/// Points against a mesh (distance from the nearest place of its triangles) or, without triangles, a cloud (from the surface of second order
-/// through the nearest twenty points). Signs: triangles are counter-clockwise as seen from outside; a reference cloud's normals, else the measured
-/// points' normals, else away from the origin of the reference. Points whose nearest place is on the reference's border, where it
+/// Points against a mesh (distance from the nearest place of its triangles) or, without triangles, a cloud (from the surface of
+/// second order through the nearest twenty points). Signs: triangles are counter-clockwise as seen from outside; a reference cloud's
+/// normals, else the measured points' normals, else away from the origin of the reference. Points whose nearest place is on the reference's border, where it
 /// says nothing, are left out and counted.
 ///
 /// Errors: kUsage for options out of their domain; kBadInput for clouds without points, or where nothing is within the gate.

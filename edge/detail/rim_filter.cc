@@ -105,7 +105,7 @@ std::vector<Unmeasured> RimFilter::gaps() const {
     return std::string();
   };
   const auto add = [&](double from, double to, std::string reason) {
-    Unmeasured& gap = gaps.emplace_back();
+    Unmeasured& gap = gaps.emplace_back();  // filled where it is: GCC 12 warns of bounds in moving a temporary there
     gap.from_mm = from;
     gap.to_mm = to;
     gap.reason = std::move(reason);

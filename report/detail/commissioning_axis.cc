@@ -39,7 +39,8 @@ std::string terms_table(const LinearAxis& axis) {
       fmt::format(
           "Error motions of the axis after ISO 230-1, each a Legendre polynomial over the travel, largest value equal to its "
           "coefficient. p: how often a coefficient at least this large is found where there is none. Those with p below {} are "
-          "significant; the others take part in the axis near zero, with their uncertainty. The table shows what each test saw.",
+          "significant; the others take part in the axis near zero, with their uncertainty. The table shows what each test "
+          "saw.",
           plain(axis.level)),
       {{"Motion", "", "", false},
        {"What it is", "", "", false},
@@ -75,7 +76,7 @@ double basis(const LinearAxis& axis, const ErrorMotion& term, double axis_mm) {
 }
 
 /// A motion over the travel: as it is part of the axis, with the joint covariance of its terms; where none takes part, what was found.
-TravelCurve curve_of(const CommissioningView& view, const ShownMotion& shown, bool in_frame) {
+TravelCurve curve_of(const CommissioningView& view, const ShownMotion& shown, bool as_part) {
   const base::MachineFrame& frame = view.result.frame;
   TravelCurve curve{{}, {}, {}, shown.unit};
   for (const base::HeadPose& pose : view.along) {
@@ -84,15 +85,15 @@ TravelCurve curve_of(const CommissioningView& view, const ShownMotion& shown, bo
     Eigen::VectorXd row = Eigen::VectorXd::Zero(frame.cov.rows());
     Eigen::Index column = 9;
     for (const ErrorMotion& term : frame.axis.terms) {
-      if (term.name == shown.letters && (term.in_frame || !in_frame)) {
+      if (term.name == shown.letters && (term.in_frame || !as_part)) {
         const double at = basis(frame.axis, term, pose.axis_mm);
-        value += (in_frame ? term.value : term.coefficient) * at;
+        value += (as_part ? term.value : term.coefficient) * at;
         found_variance += at * at * term.sigma * term.sigma;
         if (term.in_frame && column < row.size()) row(column) = at;
       }
       if (term.in_frame) ++column;
     }
-    const double variance = in_frame ? row.dot(frame.cov * row) : found_variance;
+    const double variance = as_part ? row.dot(frame.cov * row) : found_variance;
     curve.at_mm.push_back(pose.axis_mm);
     curve.value.push_back(value * shown.per_unit);
     curve.sigma.push_back(std::sqrt(std::max(0.0, variance)) * shown.per_unit);

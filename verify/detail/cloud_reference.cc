@@ -40,28 +40,11 @@ class CloudReference final : public SurfaceReference {
     const double sideways = (off - off.dot(eigen.eigenvectors().col(0)) * eigen.eigenvectors().col(0)).norm();
     if (sideways > gate_mm + 2.0 * spread) return std::nullopt;
 
-    // Heights over the plane through the neighbours, as a polynomial of second order about the place below p: a plane would lie
-    // a chord's height beside every curved surface.
     SurfaceFoot foot;
     foot.normal = eigen.eigenvectors().col(0);
     foot.signed_mm = foot.normal.dot(off);
-    const bool curved = hits.size() >= kLeastCurved && eigen.eigenvalues()(1) > kThin * kThin * eigen.eigenvalues()(2);
-    if (curved) {
-      using Vector6 = Eigen::Matrix<double, 6, 1>;
-      Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
-      Vector6 right = Vector6::Zero();
-      for (const auto& hit : hits) {
-        const Eigen::Vector3d local = eigen.eigenvectors().transpose() * (points[hit.index] - p) / spread;
-        const Vector6 row{1.0, local.y(), local.z(), local.y() * local.y(), local.y() * local.z(), local.z() * local.z()};
-        normal += row * row.transpose();
-        right += row * local.x();
-      }
-      const Vector6 fit = normal.ldlt().solve(right);
-      if (fit.allFinite()) {
-        const Eigen::Vector3d upright(1.0, -fit(1), -fit(2));
-        foot.normal = eigen.eigenvectors() * upright.normalized();
-        foot.signed_mm = -fit(0) * spread / upright.norm();
-      }
+    if (hits.size() >= kLeastCurved && eigen.eigenvalues()(1) > kThin * kThin * eigen.eigenvalues()(2)) {
+      follow_curve(hits, p, eigen.eigenvectors(), spread, foot);
     }
     const Eigen::Vector3d outside = !known.isZero(0.0) ? known : !side.isZero(0.0) ? side : p;
     if (foot.normal.dot(outside) < 0.0) {
@@ -75,6 +58,26 @@ class CloudReference final : public SurfaceReference {
   }
 
  private:
+  /// Distance and normal by a polynomial of second order in the neighbours' heights over their plane, about the place below p: the
+  /// plane itself lies a chord's height beside every curved surface. `axes`: the plane's normal, then two directions in it.
+  void follow_curve(const std::vector<BoxTree::Hit>& hits, const Eigen::Vector3d& p, const Eigen::Matrix3d& axes, double spread,
+                    SurfaceFoot& foot) const {
+    using Vector6d = Eigen::Matrix<double, 6, 1>;
+    Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+    Vector6d right = Vector6d::Zero();
+    for (const auto& hit : hits) {
+      const Eigen::Vector3d local = axes.transpose() * (cloud_.points[hit.index] - p) / spread;
+      const Vector6d row{1.0, local.y(), local.z(), local.y() * local.y(), local.y() * local.z(), local.z() * local.z()};
+      normal += row * row.transpose();
+      right += row * local.x();
+    }
+    const Vector6d fit = normal.ldlt().solve(right);
+    if (!fit.allFinite()) return;
+    const Eigen::Vector3d upright(1.0, -fit(1), -fit(2));
+    foot.normal = axes * upright.normalized();
+    foot.signed_mm = -fit(0) * spread / upright.norm();
+  }
+
   static std::vector<Box> boxes(const base::Cloud& cloud) {
     std::vector<Box> all(cloud.points.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i].add(cloud.points[i]);
