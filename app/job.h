@@ -131,15 +131,18 @@ struct JobHole {
   std::optional<Eigen::Vector3d> normal;         ///< towards the head; of a prism that is cut into a tower: its direction
   std::optional<Eigen::Vector3d> direction;      ///< of the length
   std::optional<std::filesystem::path> markers;  ///< coordinates of the markers round the hole, where measured
+  bool markers_in_part = true;                   ///< markers_frame = "part": in the part's frame; "machine": in the machine's
 };
 
 /// `[part]`: the workpiece, and how its place in the machine is found.
 struct JobPart {
-  std::string position = "none";                  ///< none (part and machine are one), markers, rps, tower
-  std::optional<std::filesystem::path> points;    ///< markers or RPS points in part, with `axes` of those that lock single axes
-  std::optional<std::filesystem::path> measured;  ///< the same in machine, with sigmas
-  std::optional<Eigen::Vector3d> axis_point_mm;   ///< of the tower, in part
-  std::optional<Eigen::Vector3d> axis_direction;  ///< to where a cone widens
+  std::string position = "none";  ///< none (part and machine are one), markers, rps, tower
+  /// Markers or RPS points in part, with `axes` of those that lock single axes. position = "markers" without them: [hole] markers in part,
+  /// to which stitch has tied the stations.
+  std::optional<std::filesystem::path> points;
+  std::optional<std::filesystem::path> measured;   ///< the same in machine, with sigmas
+  std::optional<Eigen::Vector3d> axis_point_mm;    ///< of the tower, in part
+  std::optional<Eigen::Vector3d> axis_direction;   ///< to where a cone widens
   std::optional<Eigen::Vector3d> axis_in_machine;  ///< about where axis_direction points to in machine
   std::optional<double> radius_mm;                 ///< of the shell at axis_point_mm, across the axis
   double half_angle_rad = 0.0;                     ///< 0: a cylinder

@@ -5,13 +5,10 @@
 #include <fmt/core.h>
 
 #include "app/job_sections.h"
+#include "edge/nominal.h"
 
 namespace crosstie::app {
 namespace {
-
-bool is_outline(const std::string& nominal) {
-  return nominal == "circle" || nominal == "ellipse" || nominal == "oval" || nominal == "superellipse";
-}
 
 void direction(const JobTable& table, const char* key, std::optional<Eigen::Vector3d>& value) {
   table.triple(key, value);
@@ -31,7 +28,7 @@ void read_hole(const JobTable& root, Job& job) {
   const auto table = root.table("hole");
   if (!table) return;
   table->check_keys("hole", {"nominal", "nominal_frame", "nominal_unit", "closed", "interpolation", "diameter_mm", "length_mm",
-                             "width_mm", "exponent", "centre_mm", "normal", "length_direction", "markers"});
+                             "width_mm", "exponent", "centre_mm", "normal", "length_direction", "markers", "markers_frame"});
   JobHole hole;
   table->text("nominal", hole.nominal);
   table->word("nominal_frame", {"part", "machine"}, hole.nominal_frame);
@@ -48,7 +45,11 @@ void read_hole(const JobTable& root, Job& job) {
   direction(*table, "normal", hole.normal);
   direction(*table, "length_direction", hole.direction);
   table->path("markers", hole.markers);
-  if (!is_outline(hole.nominal)) {
+  std::string frame = "part";
+  table->word("markers_frame", {"part", "machine"}, frame);
+  hole.markers_in_part = frame == "part";
+  if (table->has("markers_frame") && !hole.markers) table->complain("markers_frame", "markers_frame goes with markers");
+  if (!edge::outline_of(hole.nominal)) {
     for (const char* key : {"diameter_mm", "length_mm", "width_mm", "exponent", "centre_mm", "normal", "length_direction"}) {
       if (table->has(key))
         table->complain(
@@ -93,9 +94,11 @@ void read_part(const JobTable& root, Job& job) {
                     "which end of a cylinder is which nobody can see: position = \"tower\" needs axis_in_machine, about where "
                     "axis_direction points to in the machine");
   }
-  if ((part.position == "markers" || part.position == "rps") && !part.points) {
+  const bool tied_by_stitch = part.position == "markers" && job.hole && job.hole->markers && job.hole->markers_in_part;
+  if ((part.position == "markers" || part.position == "rps") && !part.points && !tied_by_stitch) {
     table->complain("position",
-                    fmt::format("position = \"{}\" needs points, a list of the part's known points", part.position));
+                    fmt::format("position = \"{}\" needs points, a list of the part's known points{}", part.position,
+                                part.position == "markers" ? ", or [hole] markers in the part's frame" : ""));
   }
   if (part.position == "rps" && !part.measured) {
     table->complain("position", "position = \"rps\" needs measured, a list of the same points as the machine probed them");

@@ -63,17 +63,21 @@ Result<std::vector<StationScan>> station_scans(const Job& job, const std::string
   return scans;
 }
 
-Result<fs::path> scan_head(const Job& job, const fs::path& results, Session& session) {
+Result<fs::path> scan_head_folder(const Job& job, const fs::path& results) {
   std::error_code ignored;
   if (fs::exists(results / "commission" / "result.json", ignored)) return results / "commission";
-  if (is_calibrated_here(job)) {
-    const auto task = calibration_task(job);
-    if (!task) return tl::unexpected(task.error());
-    const auto step = calibrate_step(*task, results / "calibrate", session);
-    if (!step) return tl::unexpected(step.error());
-    session.say("calibrate  " + step->summary);
-  }
   return calibration_folder(job, results / "calibrate");
+}
+
+Result<fs::path> scan_head(const Job& job, const fs::path& results, Session& session) {
+  auto folder = scan_head_folder(job, results);
+  if (!folder || *folder != results / "calibrate" || !is_calibrated_here(job)) return folder;
+  const auto task = calibration_task(job);
+  if (!task) return tl::unexpected(task.error());
+  const auto step = calibrate_step(*task, results / "calibrate", session);
+  if (!step) return tl::unexpected(step.error());
+  session.say("calibrate  " + step->summary);
+  return folder;
 }
 
 Result<Outcome> scan_stations(const std::vector<StationScan>& scans, const TellScan& tell, Session& session) {

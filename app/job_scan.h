@@ -24,7 +24,10 @@ base::Result<std::vector<StationScan>> station_scans(const Job& job, const std::
                                                      const std::filesystem::path& out);
 
 /// The folder that the head of the job's scans is read from: results/commission where it is there, since the head was adjusted in it,
-/// else the calibration, which is brought up to date where the job has the images for it.
+/// else the calibration.
+base::Result<std::filesystem::path> scan_head_folder(const Job& job, const std::filesystem::path& results);
+
+/// The same; the calibration is brought up to date where the job has the images for it.
 base::Result<std::filesystem::path> scan_head(const Job& job, const std::filesystem::path& results, Session& session);
 
 /// Hears of each step that was done, with the word that it is told by.

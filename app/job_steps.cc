@@ -7,9 +7,11 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include "app/job_edge.h"
 #include "app/job_scan.h"
 #include "app/steps_calibrate.h"
 #include "app/steps_commission.h"
+#include "app/steps_stitch.h"
 #include "base/pattern_sequence.h"
 
 namespace crosstie::app {
@@ -179,15 +181,77 @@ JobStep scan() {
           }};
 }
 
+/// A single scan can be put where it belongs by the axis or by the markers' list alone.
+bool has_stitch(const Job& job) {
+  const auto scans =
+      std::count_if(job.stations.begin(), job.stations.end(), [](const JobStation& one) { return one.scan.has_value(); });
+  return scans > 1 || (scans == 1 && (job.cross || (job.hole && job.hole->markers)));
+}
+
+bool has_edge(const Job& job) { return has_stitch(job) && job.hole && !job.hole->nominal.empty(); }
+
+JobStep stitch() {
+  return {"stitch",
+          "stitch",
+          has_stitch,
+          [](const Job& job) {
+            Names names{"scan"};
+            if (job.cross) names.emplace_back("commission");
+            return names;
+          },
+          nothing_to_check,
+          [](const Job& job) -> Result<Files> {
+            Files files;
+            if (job.hole) add(job, job.hole->markers, files);
+            return files;
+          },
+          [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
+            auto task = stitch_task(at.job, at.results);
+            if (!task) return tl::unexpected(task.error());
+            task->stitch.threads = at.session.threads();
+            return stitch_step(*task, out, at.session);
+          }};
+}
+
+JobStep edge() {
+  return {"edge",
+          "edge",
+          has_edge,
+          [](const Job& /*job*/) {
+            return Names{"scan", "stitch"};
+          },
+          nothing_to_check,
+          [](const Job& job) -> Result<Files> { return job_edge_files(job); },
+          [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
+            const auto task = job_edge_task(at.job, at.results);
+            if (!task) return tl::unexpected(task.error());
+            return job_edge_step(*task, out, at.session);
+          }};
+}
+
+bool verifies_points(const Job& job) { return job.network && job.reference_points; }
+bool verifies_surface(const Job& job) { return has_stitch(job) && (job.reference_surface || job.part.radius_mm); }
+
 JobStep verify() {
   return {"verify",
           "verify",
-          [](const Job& job) { return job.network && job.reference_points; },
-          [](const Job& /*job*/) { return Names{"adjust"}; },
+          [](const Job& job) { return verifies_points(job) || verifies_surface(job); },
+          [](const Job& job) {
+            Names names;
+            if (verifies_points(job)) names.emplace_back("adjust");
+            if (verifies_surface(job)) names.emplace_back("stitch");
+            if (verifies_surface(job) && has_edge(job)) names.emplace_back("edge");
+            return names;
+          },
           nothing_to_check,
-          [](const Job& job) -> Result<Files> { return Files{job.resolve(*job.reference_points)}; },
+          [](const Job& job) -> Result<Files> {
+            Files files;
+            if (verifies_points(job)) add(job, job.reference_points, files);
+            if (verifies_surface(job)) add(job, job.reference_surface, files);
+            return files;
+          },
           [](const StepRun& at, const fs::path& out) -> Result<StepOutcome> {
-            const auto task = verification_task(at.job, at.results / "adjust");
+            const auto task = verification_task(at.job, at.results);
             if (!task) return tl::unexpected(task.error());
             return verify_step(*task, out, at.session);
           }};
@@ -203,7 +267,9 @@ const std::vector<JobStep>& job_steps() {
       stations(),    // photographs of the cross by the head -> image points
       commission(),  // lenses, rig, cross, spheres, image points -> the head in the machine's frame
       scan(),        // fringe images of the stations, the head -> clouds
-      verify(),      // coordinates, reference  -> deviations
+      stitch(),      // clouds, markers, axis, list of markers -> one cloud in the machine's frame
+      edge(),        // edge pixels, clouds, nominal -> the hole's edge, the part's place, the torch's path
+      verify(),      // coordinates, cloud, references -> deviations
   };
   return table;
 }

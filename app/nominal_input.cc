@@ -19,13 +19,6 @@ using edge::NominalKind;
 constexpr double kOnShell = 0.01;  // of the radius
 constexpr double kSquareToShell_rad = 0.1;
 
-std::optional<NominalKind> kind_of(const std::string& word) {
-  for (const NominalKind kind : {NominalKind::kCircle, NominalKind::kEllipse, NominalKind::kOval, NominalKind::kSuperellipse}) {
-    if (word == edge::name_of(kind)) return kind;
-  }
-  return std::nullopt;
-}
-
 /// The tower of [part] at a point of its shell.
 struct Shell {
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
@@ -104,7 +97,7 @@ Result<NominalInput> nominal_input(const Job& job) {
   const JobHole& hole = *job.hole;
   NominalInput input;
   input.frame = hole.nominal_frame;
-  if (const auto kind = kind_of(hole.nominal)) {
+  if (const auto kind = edge::outline_of(hole.nominal)) {
     input.nominal.kind = *kind;
     input.nominal.exponent = hole.exponent;
     if (hole.diameter_mm) input.nominal.size_mm = {*hole.diameter_mm};
@@ -132,7 +125,7 @@ Result<NominalInput> nominal_input(const Job& job) {
 
 Result<Nominal> nominal_of(const std::string& word_or_file, const std::string& unit) {
   Nominal nominal;
-  if (const auto kind = kind_of(word_or_file)) {
+  if (const auto kind = edge::outline_of(word_or_file)) {
     nominal.kind = *kind;
     return nominal;
   }

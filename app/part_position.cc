@@ -77,6 +77,21 @@ Result<Workpiece> from_points(const Job& job, const MeasuredPart& measured) {
   return part;
 }
 
+Result<Workpiece> from_stitch(const Job& job, const MeasuredPart& measured) {
+  if (!measured.tied_by_stitch) {
+    return fail(
+        ErrorCode::kBadInput,
+        fmt::format("{}: [part] position = \"markers\" without points needs [hole] markers in the part's frame, and stitch did "
+                    "not find where they lie in the machine",
+                    job.file.string()));
+  }
+  Workpiece part;
+  part.source = "markers";
+  part.machine_from_part = *measured.tied_by_stitch;
+  part.covariance = measured.tied_cov;
+  return part;
+}
+
 Result<Workpiece> from_tower(const Job& job, const MeasuredPart& measured, const std::optional<Eigen::Vector3d>& hole_in_part) {
   if (!hole_in_part) {
     return fail(ErrorCode::kBadInput,
@@ -99,6 +114,7 @@ Result<Workpiece> from_tower(const Job& job, const MeasuredPart& measured, const
 
 Result<Workpiece> part_position(const Job& job, const MeasuredPart& measured,
                                 const std::optional<Eigen::Vector3d>& hole_in_part) {
+  if (job.part.position == "markers" && !job.part.points) return from_stitch(job, measured);
   if (job.part.position == "markers" || job.part.position == "rps") return from_points(job, measured);
   if (job.part.position == "tower") return from_tower(job, measured, hole_in_part);
   Workpiece same;

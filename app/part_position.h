@@ -8,6 +8,7 @@
 
 #include "app/job.h"
 #include "base/point_list.h"
+#include "base/pose.h"
 #include "base/result.h"
 #include "edge/workpiece.h"
 #include "math/shape_fit.h"
@@ -24,6 +25,9 @@ struct MeasuredPart {
   math::ShapeQuality axis = {};
   Eigen::Vector3d hole_centre_mm = Eigen::Vector3d::Zero();
   Eigen::Matrix3d hole_centre_cov_mm2 = Eigen::Matrix3d::Zero();
+  /// position = "markers" without points: where stitch found the list of markers round the hole.
+  std::optional<base::Pose> tied_by_stitch = {};
+  base::Matrix6d tied_cov = base::Matrix6d::Zero();
   base::Matrix6d common = base::Matrix6d::Zero();  ///< error of the machine's frame that all of it shares
 };
 

@@ -100,8 +100,8 @@ struct VerificationTask {
   [[nodiscard]] bool has_points() const { return !reference.empty(); }
 };
 
-/// The verification that a job asks for, of the adjustment in `adjustment`.
-base::Result<VerificationTask> verification_task(const Job& job, const std::filesystem::path& adjustment);
+/// The verification that a job asks for, of its results of adjust, stitch and edge in `results`. kBadInput where there is nothing to verify.
+base::Result<VerificationTask> verification_task(const Job& job, const std::filesystem::path& results);
 
 /// coordinates and reference -> deviations.
 base::Result<StepOutcome> verify_step(const VerificationTask& task, const std::filesystem::path& out, Session& session);

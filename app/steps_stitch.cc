@@ -214,15 +214,19 @@ Result<StitchTask> stitch_task(const Job& job, const fs::path& results) {
   task.title = job.name;
   if (fs::exists(results / "commission" / "result.json")) task.commission = results / "commission";
   if (fs::exists(results / "calibrate" / "result.json")) task.calibration = results / "calibrate";
+  if (job.hole && job.hole->markers) {
+    task.reference = job.resolve(*job.hole->markers);
+    task.reference_in_part = job.hole->markers_in_part;
+  }
   for (const JobStation& station : job.stations) {
     const fs::path scan = results / "scan" / station.name;
     if (!station.scan || !fs::exists(scan / "result.json")) continue;
     task.stations.push_back({station.name, task.commission ? std::optional(station.axis_mm) : std::nullopt, scan});
   }
-  if (task.stations.size() < 2) {
+  if (task.stations.empty()) {
     return fail(ErrorCode::kBadInput,
-                fmt::format("{}: stitch needs the scans of two stations at least, {} are in {}; run 'scan' first",
-                            job.file.string(), task.stations.size(), (results / "scan").string()));
+                fmt::format("{}: stitch needs the scans of the stations, none are in {}; run 'scan' first", job.file.string(),
+                            (results / "scan").string()));
   }
   return task;
 }

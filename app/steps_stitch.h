@@ -31,7 +31,7 @@ struct StitchTask {
   std::string title;
 };
 
-/// What the job asks for; its stations' scans and the commissioning are in `results`. kBadInput where fewer than two stations have scans.
+/// What the job asks for; its stations' scans and the commissioning are in `results`. kBadInput where no station has a scan.
 base::Result<StitchTask> stitch_task(const Job& job, const std::filesystem::path& results);
 
 /// clouds, markers, axis -> one cloud in the machine's frame.

@@ -131,19 +131,26 @@ std::string surfaces_summary(const base::SurfaceVerification& verification) {
 
 }  // namespace
 
-Result<VerificationTask> verification_task(const Job& job, const fs::path& adjustment) {
-  if (!job.reference_points) {
-    return base::fail(ErrorCode::kBadInput,
-                      fmt::format("{}: the job has no [reference] points to verify against", job.file.string()));
-  }
+Result<VerificationTask> verification_task(const Job& job, const fs::path& results) {
   VerificationTask task;
-  task.measured = adjustment / "result.json";
-  task.reference = job.resolve(*job.reference_points);
-  task.reference_unit = job.reference_unit;
+  auto surface = surface_task(job, results / "stitch", results / "edge");
+  if (!surface) return base::fail(std::move(surface));
+  task.surface = *std::move(surface);
   task.base_folder = job.folder;
   task.title = job.name;
   task.limits = job.limits;
-  if (job.network && job.network->scale_from) task.not_tested.push_back(*job.network->scale_from);
+  if (job.network && job.reference_points) {
+    task.measured = results / "adjust" / "result.json";
+    task.reference = job.resolve(*job.reference_points);
+    task.reference_unit = job.reference_unit;
+    if (job.network->scale_from) task.not_tested.push_back(*job.network->scale_from);
+  }
+  if (!task.has_points() && !task.surface) {
+    return base::fail(ErrorCode::kBadInput,
+                      fmt::format("{}: the job has neither [reference] points of a [network] nor a stitched "
+                                  "cloud with a surface to verify against",
+                                  job.file.string()));
+  }
   return task;
 }
 

@@ -194,7 +194,7 @@ Result<base::SurfaceVerification> compare_surfaces(const SurfaceTask& task, Sess
     }
     if (!task.shell.empty()) {
       const base::Pose pose = result.surface ? result.surface->reference_from_measured : task.reference_from_measured;
-      auto shell = verify::fit_shell(brought(*cloud, pose), task.nominal, {.cone = task.shell == "cone"});
+      auto shell = verify::compare_shell(brought(*cloud, pose), task.nominal, {.cone = task.shell == "cone"});
       if (!shell) return named(shell.error());
       result.shape = *std::move(shell);
     }

@@ -8,11 +8,11 @@
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include "edge/detail/rim_candidates.h"
 #include "edge/detail/rim_line.h"
+#include "math/covariance_root.h"
 #include "math/head_point.h"
 
 namespace crosstie::edge {
@@ -33,6 +33,11 @@ double turned_to(double angle, double from) {
 
 bool in_arc(const HoleEdgeOptions& options, double angle) {
   return !options.arc_rad || turned_to(angle, (*options.arc_rad)[0]) <= turned_to((*options.arc_rad)[1], (*options.arc_rad)[0]);
+}
+
+bool is_near(const ExpectedRim& expected, const Eigen::Vector3d& point_mm) {
+  const Eigen::Vector3d p_in_hole = expected.frame_from_hole.inverse() * point_mm;
+  return (expected.nominal.nearest(p_in_hole).point_mm - p_in_hole).norm() <= expected.reach_mm;
 }
 
 /// What one camera of one station says of a cell.
@@ -136,61 +141,61 @@ Cell fuse(std::vector<Voice> voices, const RimLine& line, const Face& face, doub
   return cell;
 }
 
-/// A square root of the head's covariance: columns of independent causes.
-Eigen::MatrixXd causes_of(const Eigen::MatrixXd& cov) {
-  if (cov.size() == 0) return {};
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(cov);
-  const double least = 1e-12 * std::max(1e-300, solver.eigenvalues().maxCoeff());
-  std::vector<Eigen::Index> kept;
-  for (Eigen::Index i = 0; i < cov.cols(); ++i) {
-    if (solver.eigenvalues()(i) > least) kept.push_back(i);
+/// The stations' poses, six parameters each, then those of their heads: where they stand and their covariance.
+struct SharedParameters {
+  std::map<const base::Head*, Eigen::Index> heads;  ///< first parameter of each
+  Eigen::MatrixXd cov;
+};
+
+Result<SharedParameters> shared_parameters(std::span<const StationView> stations, const SharedKnowledge& shared) {
+  SharedParameters parameters;
+  Eigen::Index count = 6 * static_cast<Eigen::Index>(stations.size());
+  for (const StationView& view : stations) {
+    if (parameters.heads.emplace(view.head, count).second) count += view.head->parameter_count();
   }
-  Eigen::MatrixXd causes(cov.rows(), static_cast<Eigen::Index>(kept.size()));
-  for (std::size_t i = 0; i < kept.size(); ++i)
-    causes.col(static_cast<Eigen::Index>(i)) = solver.eigenvectors().col(kept[i]) * std::sqrt(solver.eigenvalues()(kept[i]));
-  return causes;
+  const bool fits = shared.cov.rows() == count && shared.cov.cols() == count && parameters.heads.size() == 1;
+  const bool change_fits = shared.head_change.size() == 0 || shared.head_change.size() == stations[0].head->parameter_count();
+  if ((shared.cov.size() > 0 && !fits) || !change_fits) {
+    return fail(ErrorCode::kInternal, fmt::format("hole edge: what {} stations share has {} x {} parameters, {} were expected",
+                                                  stations.size(), shared.cov.rows(), shared.cov.cols(), count));
+  }
+  parameters.cov = shared.cov;
+  if (shared.cov.size() > 0) return parameters;
+  parameters.cov = Eigen::MatrixXd::Zero(count, count);
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    const auto at = 6 * static_cast<Eigen::Index>(i);
+    parameters.cov.block<6, 6>(at, at) = stations[i].frame_from_rig_cov;
+  }
+  for (const auto& [head, at] : parameters.heads) {
+    if (head->cov.size() > 0) parameters.cov.block(at, at, head->cov.rows(), head->cov.cols()) = head->cov;
+  }
+  return parameters;
 }
 
-/// What calibration and poses do to the points: columns of each head, then six of each station's pose.
-Eigen::MatrixXd shared_parts(const std::vector<Cell>& cells, std::span<const StationView> stations) {
-  std::map<const base::Head*, std::pair<Eigen::Index, Eigen::MatrixXd>> heads;
-  std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>> poses;
-  Eigen::Index columns = 0;
-  for (const StationView& view : stations) {
-    if (!heads.contains(view.head)) {
-      Eigen::MatrixXd causes = causes_of(view.head->cov);
-      const Eigen::Index count = causes.cols();
-      heads.emplace(view.head, std::pair(columns, std::move(causes)));
-      columns += count;
-    }
-  }
-  for (const StationView& view : stations) {
-    Eigen::MatrixXd causes = view.frame_from_rig_cov.isZero(0.0) ? Eigen::MatrixXd() : causes_of(view.frame_from_rig_cov);
-    const Eigen::Index count = causes.cols();
-    poses.emplace_back(columns, std::move(causes));
-    columns += count;
-  }
-  Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(3 * static_cast<Eigen::Index>(cells.size()), columns);
-  if (columns == 0) return shared;
+/// What the shared parameters do to the points: EdgeCurve::shared_mm. Where the head was adjusted, the cells follow.
+Eigen::MatrixXd shared_parts(std::vector<Cell>& cells, std::span<const StationView> stations,
+                             const SharedParameters& parameters, const Eigen::VectorXd& head_change) {
+  const Eigen::MatrixXd causes = math::covariance_root(parameters.cov).root;
+  Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(3 * static_cast<Eigen::Index>(cells.size()), causes.cols());
+  if (causes.cols() == 0 && head_change.size() == 0) return shared;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     double weights = 0.0;
     for (const Voice& voice : cells[i].voices) weights += 1.0 / (voice.sigma_mm * voice.sigma_mm);
+    Eigen::Matrix3Xd jacobian = Eigen::Matrix3Xd::Zero(3, parameters.cov.cols());
+    Eigen::Vector3d moved = Eigen::Vector3d::Zero();
     for (const Voice& voice : cells[i].voices) {
       const double share = 1.0 / (voice.sigma_mm * voice.sigma_mm) / weights;
       const StationView& view = stations[static_cast<std::size_t>(voice.station)];
-      const auto& [at, causes] = heads.at(view.head);
-      const auto row = 3 * static_cast<Eigen::Index>(i);
-      if (causes.cols() > 0) {
-        shared.block(row, at, 3, causes.cols()) += share * view.frame_from_rig.rotation.toRotationMatrix() *
-                                                   math::point_by_head(*view.head, voice.point_in_rig_mm) * causes;
-      }
-      const auto& [pose_at, pose_causes] = poses[static_cast<std::size_t>(voice.station)];
-      if (pose_causes.cols() > 0) {
-        Eigen::Matrix<double, 3, 6> by_pose;
-        by_pose << -base::skew(voice.point_mm), Eigen::Matrix3d::Identity();
-        shared.block(row, pose_at, 3, pose_causes.cols()) += share * by_pose * pose_causes;
-      }
+      const Eigen::Matrix3Xd by_head =
+          share * view.frame_from_rig.rotation.toRotationMatrix() * math::point_by_head(*view.head, voice.point_in_rig_mm);
+      if (head_change.size() > 0) moved += by_head * head_change;
+      jacobian.middleCols(parameters.heads.at(view.head), by_head.cols()) += by_head;
+      const auto pose = 6 * static_cast<Eigen::Index>(voice.station);
+      jacobian.middleCols<3>(pose) -= share * base::skew(voice.point_mm);
+      jacobian.middleCols<3>(pose + 3) += share * Eigen::Matrix3d::Identity();
     }
+    cells[i].point_mm += moved;
+    if (causes.cols() > 0) shared.middleRows<3>(3 * static_cast<Eigen::Index>(i)) = jacobian * causes;
   }
   return shared;
 }
@@ -262,13 +267,18 @@ Result<> HoleEdgeOptions::validate() const {
   if (!(max_off_face_mm > 0.0)) return bad(fmt::format("max_off_face_mm is {}, it must be positive", max_off_face_mm));
   if (!(max_turn_rad > 0.0 && max_turn_rad < 1.5)) return bad(fmt::format("max_turn_rad is {}, not in (0, 1.5)", max_turn_rad));
   if (!(max_w > 0.0)) return bad(fmt::format("max_w is {}, it must be positive", max_w));
+  if (expected && !(expected->reach_mm > 0.0))
+    return bad(fmt::format("reach_mm is {}, it must be positive", expected->reach_mm));
   if (!(min_gap_cells >= 1.0)) return bad(fmt::format("min_gap_cells is {}, it must be 1 or more", min_gap_cells));
   return {};
 }
 
 Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const HoleEdgeOptions& options,
-                                const base::Progress& progress) {
+                                const SharedKnowledge& shared, const base::Progress& progress) {
   if (auto ok = options.validate(); !ok) return fail(std::move(ok));
+  if (stations.empty()) return fail(ErrorCode::kNoUniqueSolution, "there is no station to see a rim");
+  const auto parameters = shared_parameters(stations, shared);
+  if (!parameters) return tl::unexpected(parameters.error());
   HoleEdge result;
   HoleEdge::Counts& counts = result.counts;
   std::vector<RimCandidate> all;
@@ -278,6 +288,11 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     result.curve.stations.push_back(stations[i].name);
     auto found = detail::candidates_of(stations[i], static_cast<int>(i), options, counts);
     for (const RimCandidate& shadow : found.shadows) lost.emplace_back(shadow.point_mm, "a shadow lies there");
+    if (options.expected) {
+      const auto dropped =
+          std::erase_if(found.rim, [&](const RimCandidate& one) { return !is_near(*options.expected, one.point_mm); });
+      counts.elsewhere += static_cast<std::int64_t>(dropped);
+    }
     all.insert(all.end(), found.rim.begin(), found.rim.end());
   }
   const auto face = detail::find_face(all, options.max_off_face_mm);
@@ -307,10 +322,10 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   std::erase_if(rim, [&](const RimCandidate& candidate) { return !in_arc(options, candidate.angle_rad); });
   auto cells = detail::cells_of(rim, *face, options.cell_mm);
   if (!cells) {
-    return fail(
-        cells.error().code,
-        fmt::format("{} (in the region: {} shadows, {} without surface, {} on other surfaces, {} outer contours, {} masked)",
-                    cells.error().message, counts.shadow, counts.no_surface, counts.off_face, counts.inwards, counts.masked));
+    return fail(cells.error().code, fmt::format("{} (in the region: {} elsewhere, {} shadows, {} without surface, {} on other "
+                                                "surfaces, {} outer contours, {} masked)",
+                                                cells.error().message, counts.elsewhere, counts.shadow, counts.no_surface,
+                                                counts.off_face, counts.inwards, counts.masked));
   }
   std::vector<Cell> points;
   for (std::size_t i = 0; i < cells->size(); ++i) {
@@ -349,7 +364,7 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   if (!curve.closed) std::rotate(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(next(widest)), points.end());
   std::vector<double> off;
   result.roughness_factor = roughness(points, cells->reach_mm(), off);
-  curve.shared_mm = shared_parts(points, stations);
+  curve.shared_mm = shared_parts(points, stations, *parameters, shared.head_change);
   double s = 0.0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     Cell& here = points[i];

@@ -15,6 +15,7 @@
 #include "base/pose.h"
 #include "base/progress.h"
 #include "base/result.h"
+#include "edge/nominal.h"
 
 namespace crosstie::edge {
 
@@ -29,11 +30,28 @@ struct StationView {
   base::Matrix6d frame_from_rig_cov = base::Matrix6d::Zero();
 };
 
+/// What the stations share where it is known together, as stitch leaves it.
+struct SharedKnowledge {
+  /// Joint covariance of frame_from_rig of every station [rad, mm], in their order, then of the head's parameters as Head::cov has them;
+  /// it takes the place of StationView::frame_from_rig_cov and Head::cov, and all stations have the same head. Empty: those, independent.
+  Eigen::MatrixXd cov = {};
+  /// By what the head's parameters were adjusted since the depths were computed with StationView::head, as Head::cov counts them; the
+  /// rim's points follow to first order. Empty: they were not.
+  Eigen::VectorXd head_change = {};
+};
+
 /// Where the surface is hidden: a marker (to 3.6 dot radii) or a magnet.
 struct MaskedDisc {
   std::string name;
   Eigen::Vector3d centre_mm = Eigen::Vector3d::Zero();  ///< in the frame
   double radius_mm = 0.0;
+};
+
+/// Where the rim should be, as far as that is known beforehand.
+struct ExpectedRim {
+  NominalCurve nominal;
+  base::Pose frame_from_hole;
+  double reach_mm = 0.0;  ///< edges farther from it belong to something else
 };
 
 struct HoleEdgeOptions {
@@ -53,6 +71,7 @@ struct HoleEdgeOptions {
       3.29;  ///< standardised distance from the neighbours, or of the cameras from each other, from which on a point goes
   double min_gap_cells = 2.5;  ///< a longer way without a point is a gap
   std::vector<MaskedDisc> masks = {};
+  std::optional<ExpectedRim> expected = {};
 
   [[nodiscard]] base::Result<> validate() const;
 };
@@ -73,6 +92,7 @@ struct HoleEdge {
   struct Counts {
     std::int64_t used = 0;
     std::int64_t shadow = 0;      ///< not material
+    std::int64_t elsewhere = 0;   ///< not where the rim is expected
     std::int64_t no_surface = 0;  ///< too few depths on the material side
     std::int64_t off_face = 0;    ///< on another surface: ledge, far rim, cut face
     std::int64_t inwards = 0;     ///< material on the wrong side: outer contours
@@ -95,8 +115,8 @@ struct HoleEdge {
 /// measurement), cameras and stations are fused by their sigmas, after those went that contradict their neighbours' smooth line.
 /// Covariance: across the rim of the images and of the surface's slope, along the normal of the surface's fit; what calibration and poses
 /// add is shared by all points of a station and stands in EdgeCurve::shared_mm.
-/// Errors: options; kNoUniqueSolution where no rim is found, with what became of the edge pixels.
+/// Errors: options; kInternal for a `shared` of another size; kNoUniqueSolution where no rim is found, with what became of the edge pixels.
 base::Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const HoleEdgeOptions& options,
-                                      const base::Progress& progress = {});
+                                      const SharedKnowledge& shared = {}, const base::Progress& progress = {});
 
 }  // namespace crosstie::edge

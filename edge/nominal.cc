@@ -38,6 +38,13 @@ std::string_view name_of(NominalKind kind) {
   return "";
 }
 
+std::optional<NominalKind> outline_of(std::string_view name) {
+  for (const NominalKind kind : {NominalKind::kCircle, NominalKind::kEllipse, NominalKind::kOval, NominalKind::kSuperellipse}) {
+    if (name == name_of(kind)) return kind;
+  }
+  return std::nullopt;
+}
+
 std::vector<std::string> size_names(NominalKind kind) {
   if (kind == NominalKind::kPoints) return {};
   if (kind == NominalKind::kCircle) return {"diameter"};

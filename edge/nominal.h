@@ -23,6 +23,8 @@ enum class NominalKind {
 
 /// "circle", "ellipse", "oval", "superellipse", "points".
 [[nodiscard]] std::string_view name_of(NominalKind kind);
+/// The outline of that name; nothing for other words, such as a file's name.
+[[nodiscard]] std::optional<NominalKind> outline_of(std::string_view name);
 /// What Nominal::size_mm holds: "diameter", or "length" and "width".
 [[nodiscard]] std::vector<std::string> size_names(NominalKind kind);
 

@@ -51,6 +51,13 @@ std::optional<base::Head> moved_head(const base::Head& head, Eigen::Index parame
   return result;
 }
 
+Eigen::VectorXd head_change(const base::Head& from, const base::Head& to) {
+  Eigen::VectorXd change(from.parameter_count());
+  change << to.left.parameters() - from.left.parameters(), to.right.parameters() - from.right.parameters(),
+      base::difference(from.right_from_left, to.right_from_left);
+  return change;
+}
+
 Eigen::Matrix3Xd point_by_head(const base::Head& head, const Eigen::Vector3d& p_in_rig_mm) {
   constexpr double kStep = 0.1;  // of a parameter's sigma
   Eigen::Matrix3Xd jacobian = Eigen::Matrix3Xd::Zero(3, head.cov.cols());

@@ -243,8 +243,10 @@ Result<> check_input(const StitchInput& input) {
       std::any_of(input.stations.begin(), input.stations.end(), [](const auto& s) { return s.axis_mm.has_value(); })) {
     return fail(ErrorCode::kUsage, "a station brings a reading of the axis, but there is no commissioned frame");
   }
-  if (input.stations.size() < 2)
-    return bad(fmt::format("stitch needs two stations at least, there are {}", input.stations.size()));
+  if (input.stations.empty()) return bad("stitch needs a station");
+  if (input.stations.size() == 1 && !has_frame && !input.reference) {
+    return bad("a single station has nothing to be stitched to: neither another one nor an axis nor a list of markers");
+  }
   std::set<std::string> names;
   for (const StationScan& station : input.stations) {
     if (!names.insert(station.name).second) return bad(fmt::format("station '{}' comes twice", station.name));
@@ -349,7 +351,7 @@ Result<CommissionedHead> CommissionedHead::of(const base::Commissioning& commiss
   for (const char* part : kParts) wanted.push_back(fmt::format("head {}", part));
   for (const char* part : {"across 1", "across 2", "scale"}) wanted.push_back(fmt::format("axis {}", part));
   for (const base::ErrorMotion& term : result.frame.axis.terms) {
-    if (term.significant) wanted.push_back(fmt::format("axis {}{}", term.name, term.order));
+    if (term.in_frame) wanted.push_back(fmt::format("axis {}{}", term.name, term.order));
   }
   const auto size = static_cast<Index>(wanted.size());
   if (size != result.head.parameter_count() + result.frame.cov.rows()) {

@@ -78,7 +78,7 @@ struct StitchOptions {
   [[nodiscard]] base::Result<> validate() const;
 };
 
-/// Brings all stations into one frame by one least-squares problem: docs/formulation.md, "One frame for all stations".
+/// Brings all stations (or one, where an axis or a list of markers ties it) into one frame by one least-squares problem: docs/formulation.md, "One frame for all stations".
 ///
 /// Unknown are the pose of every station, the place of every marker, the commissioned head and frame (prior: their joint covariance; one
 /// block for all stations, so that it never averages down), and where the list of markers has a frame of its own, its place. Observed are

@@ -245,8 +245,8 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
       const double amplitude = std::sqrt(std::max(1e-12, static_cast<double>(squared[i]) - 2.0 * amplitude_variance));
       sigma[i] = static_cast<float>(std::sqrt(amplitude_variance) / (2.0 * std::numbers::pi * amplitude));
       if (map.status[i] != PhaseStatus::kValid) continue;
-      if (modulation <= 0.0) {
-        map.status[i] = PhaseStatus::kSaturated;
+      if (modulation <= 0.0) {  // cut off, at one end of the grey scale or at the other
+        map.status[i] = set.mean[i] < 0.5 * set.white_level ? PhaseStatus::kDark : PhaseStatus::kSaturated;
       } else if (modulation < options.min_modulation ||
                  static_cast<double>(sigma[i]) * 2.0 * std::numbers::pi > options.max_phase_sigma_rad) {
         map.status[i] = PhaseStatus::kDark;

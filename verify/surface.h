@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "base/cloud.h"
 #include "base/edge_curve.h"
@@ -8,6 +9,7 @@
 #include "base/progress.h"
 #include "base/result.h"
 #include "base/surface_verification.h"
+#include "math/shape_fit.h"
 #include "math/shapes.h"
 
 namespace crosstie::verify {
@@ -59,10 +61,29 @@ struct ShellFitOptions {
   double correlation_mm = 50.0;
 };
 
-/// A cone or cylinder through a shell's points (robust, math/shape_fit.h), its diameters at both ends and its apex angle with sigmas, held
+/// A cone or cylinder through a shell's points.
+struct ShellFit {
+  bool is_cone = true;
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();    ///< of the axis, nearest to the points' centroid
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< of the axis; of a cone to where it widens
+  double distance_mm = 0.0;                              ///< radius, or a cone's distance of the point from its surface
+  double half_angle_rad = 0.0;
+  /// Its covariance is that of the larger of noise and form, for as many observations as there are patches.
+  math::ShapeQuality quality = {};
+  double noise_mm = 0.0;                        ///< a priori, of a point
+  std::vector<Eigen::Vector3d> points_mm = {};  ///< that took part
+  std::size_t strays = 0;
+
+  /// Across the axis at a place along it, from `point_mm`.
+  [[nodiscard]] double radius_mm(double along_mm) const;
+  [[nodiscard]] double radius_sigma_mm(double along_mm) const;
+};
+base::Result<ShellFit> fit_shell(const base::Cloud& measured, const ShellFitOptions& options);
+
+/// The same (robust, math/shape_fit.h), its diameters at both ends and its apex angle with sigmas, held
 /// against the nominal where one is given.
-base::Result<base::ShapeDeviations> fit_shell(const base::Cloud& measured, const std::optional<NominalShell>& nominal,
-                                              const ShellFitOptions& options = {});
+base::Result<base::ShapeDeviations> compare_shell(const base::Cloud& measured, const std::optional<NominalShell>& nominal,
+                                                  const ShellFitOptions& options = {});
 
 /// A rim against a reference rim (a point list or another measurement, both in one frame): distances of its points from the reference's
 /// polygon, u in the surface and v along its normal, with their sigmas over which they are told.

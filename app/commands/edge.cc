@@ -1,7 +1,8 @@
-// crosstie edge: a scan -> the edge of a hole
+// crosstie edge: stitched scans, or one -> the edge of a hole
 
 #include <fmt/core.h>
 
+#include "app/job_edge.h"
 #include "app/steps_edge.h"
 #include "app/verb.h"
 #include "base/text.h"
@@ -30,7 +31,7 @@ Result<std::optional<std::vector<double>>> numbers(const Arguments& arguments, c
   return std::optional(values);
 }
 
-Result<EdgeTask> task_of(const Arguments& arguments) {
+Result<EdgeTask> scan_task_of(const Arguments& arguments) {
   EdgeTask task;
   task.scan = *arguments.get("--scan");
   task.head = arguments.get("--rig").value_or("");
@@ -50,10 +51,32 @@ Result<EdgeTask> task_of(const Arguments& arguments) {
   return task;
 }
 
-Result<Outcome> run(const Arguments& arguments, Session& session) {
-  const auto task = task_of(arguments);
+Result<StepOutcome> edge_of_job(const Arguments& arguments, Session& session) {
+  for (const char* option : {"--rig", "--nominal", "--roi", "--arc", "--cell-mm"}) {
+    if (arguments.has(option))
+      return base::fail(ErrorCode::kUsage, fmt::format("{} goes with --scan; a JOB says it in job.toml", option));
+  }
+  const auto job = read_job(*arguments.get("JOB"));
+  if (!job) return tl::unexpected(job.error());
+  const std::filesystem::path results = job->folder / "results";
+  const auto task = job_edge_task(*job, results);
   if (!task) return tl::unexpected(task.error());
-  const auto step = edge_step(*task, *arguments.get("--out"), session);
+  return job_edge_step(*task, arguments.get("--out").value_or((results / "edge").string()), session);
+}
+
+Result<StepOutcome> edge_of_scan(const Arguments& arguments, Session& session) {
+  const auto out = arguments.get("--out");
+  if (!out) return base::fail(ErrorCode::kUsage, "--scan needs --out, the folder for the result");
+  const auto task = scan_task_of(arguments);
+  if (!task) return tl::unexpected(task.error());
+  return edge_step(*task, *out, session);
+}
+
+Result<Outcome> run(const Arguments& arguments, Session& session) {
+  if (arguments.has("JOB") == arguments.has("--scan")) {
+    return base::fail(ErrorCode::kUsage, "edge needs a JOB whose scans were stitched, or --scan with the folder of one scan");
+  }
+  const auto step = arguments.has("JOB") ? edge_of_job(arguments, session) : edge_of_scan(arguments, session);
   if (!step) return tl::unexpected(step.error());
   session.say("edge    " + step->summary);
   session.print((step->folder / "result.json").string());
@@ -65,10 +88,15 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
 Verb edge_verb() {
   return {
       "edge",
-      "find the edge of a hole in a scan, as a curve with sigmas",
+      "find the edge of a hole as a curve with sigmas: of a job's stitched scans, with the part's place and the torch's path, "
+      "or of one scan",
+      "  $ crosstie edge door\n"
+      "  edge    1630 points over 3290.4 mm, closed, 0 gaps; points, rms 0.041 mm; path 3289.9 mm in 329 s\n"
+      "  door/results/edge/result.json\n"
       "  $ crosstie edge --scan x0850/cloud --nominal circle --roi 480,420,770,720 --arc 20,160 --out x0850/edge\n"
       "  x0850/edge/result.json",
-      {{"--scan", "DIR", "folder of a scan's result", true, false},
+      {{"JOB", "JOB", "job folder or its job.toml, after stitch", false, false},
+       {"--scan", "DIR", "instead: folder of one scan's result; the edge is found in its rig's frame", false, false},
        {"--rig", "RIG", "the head where it does not lie any more where the scan found it, as scan --rig has it", false, false},
        {"--nominal", "WORD",
         "circle, ellipse, oval, superellipse, or a file with the nominal's points in mm; it is fitted to the edge (default "
@@ -81,7 +109,7 @@ Verb edge_verb() {
         "all of it)",
         false, false},
        {"--cell-mm", "MM", "extent of rim that one point stands for (default: what one edge pixel is found on)", false, false},
-       {"--out", "DIR", "folder for edge.csv and report; replaced as a whole", true, false}},
+       {"--out", "DIR", "folder for edge.csv, path and report; replaced as a whole (default: JOB/results/edge)", false, false}},
       run};
 }
 

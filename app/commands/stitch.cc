@@ -70,7 +70,10 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   auto task = stitch_task(*job, results);
   if (!task) return fail(std::move(task));
   if (auto set = set_options(arguments, session, *task); !set) return fail(std::move(set));
-  if (const auto markers = arguments.get("--markers")) task->reference = *markers;
+  if (const auto markers = arguments.get("--markers")) {
+    task->reference = *markers;
+    task->reference_in_part = false;
+  }
   if (const auto frame = arguments.get("--markers-frame")) {
     if (*frame != "machine" && *frame != "part") return fail(ErrorCode::kUsage, "--markers-frame is machine or part");
     if (!task->reference) return fail(ErrorCode::kUsage, "--markers-frame goes with --markers");
@@ -93,7 +96,9 @@ Verb stitch_verb() {
        {"--surface-only", "A.ply B.ply",
         "instead: two clouds of a part whose surface alone determines the motion between them; others are refused", false,
         false, 2},
-       {"--markers", "FILE", "coordinates of the markers round the hole with sigmas, as somebody measured them", false, false},
+       {"--markers", "FILE",
+        "coordinates of the markers round the hole with sigmas, as somebody measured them (default: [hole] markers of the job)",
+        false, false},
        {"--markers-frame", "FRAME",
         "of those coordinates: machine, or part where they have a frame of their own (default machine)", false, false},
        {"--out", "DIR", "folder for the result (default: JOB/results/stitch)", false, false},

@@ -8,6 +8,8 @@
 #include <Eigen/QR>
 #include <Eigen/SVD>
 
+#include "math/covariance_root.h"
+
 namespace crosstie::registration::detail {
 namespace {
 
@@ -18,28 +20,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 
 constexpr double kNoEffect_mm = 1e-5;
-constexpr double kSingular = 1e-12;  // of the largest eigenvalue of a correlation matrix
-
-/// R with cov = R R', and the pseudo-inverse of cov, both through the correlations, so that units do not decide what is small.
-struct Root {
-  MatrixXd root;
-  MatrixXd inverse;
-};
-
-Root root_of(const MatrixXd& cov) {
-  if (cov.size() == 0) return {MatrixXd(0, 0), MatrixXd(0, 0)};
-  const Eigen::VectorXd sigma = cov.diagonal().cwiseMax(0.0).cwiseSqrt();
-  const Eigen::VectorXd scale = sigma.unaryExpr([](double s) { return s > 0.0 ? 1.0 / s : 0.0; });
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * cov * scale.asDiagonal());
-  const double limit = cov.size() > 0 ? kSingular * std::max(1e-300, eigen.eigenvalues().maxCoeff()) : 0.0;
-  const auto kept = static_cast<Index>((eigen.eigenvalues().array() > limit).count());
-  const MatrixXd vectors = eigen.eigenvectors().rightCols(kept);
-  const Eigen::VectorXd values = eigen.eigenvalues().tail(kept);
-  Root result;
-  result.root = sigma.asDiagonal() * vectors * values.cwiseSqrt().asDiagonal();
-  result.inverse = scale.asDiagonal() * vectors * values.cwiseInverse().asDiagonal() * vectors.transpose() * scale.asDiagonal();
-  return result;
-}
 
 }  // namespace
 
@@ -75,12 +55,12 @@ Result<SharedModes> SharedModes::make(const CommissionedHead& commissioned, cons
   modes.commissioned_ = &commissioned;
   const MatrixXd frame_cov = commissioned.cov.bottomRightCorner(frame, frame);
   const MatrixXd mixed = commissioned.cov.topRightCorner(head, frame);
-  const Root of_frame = root_of(frame_cov);
+  const math::CovarianceRoot of_frame = math::covariance_root(frame_cov);
   modes.frame_root_ = of_frame.root;
   modes.head_by_frame_ = mixed * of_frame.inverse * of_frame.root;
   const MatrixXd left_over =
       commissioned.cov.topLeftCorner(head, head) - modes.head_by_frame_ * modes.head_by_frame_.transpose();
-  const MatrixXd root = root_of(left_over).root;
+  const MatrixXd root = math::covariance_root(left_over).root;
   // The combinations that matter: right singular vectors of their effect on the places.
   MatrixXd effect = MatrixXd::Zero(3 * static_cast<Index>(places.size()), root.cols());
   Index seen = 0;

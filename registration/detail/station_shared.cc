@@ -4,6 +4,7 @@
 
 #include <Eigen/QR>
 
+#include "math/head_point.h"
 #include "registration/detail/shared.h"
 
 namespace crosstie::registration::detail {
@@ -32,10 +33,7 @@ StationShared::StationShared(const base::Stitching& stitching, int station, cons
   Eigen::VectorXd parameters_change;
   const Index count = known ? head->parameter_count() : 0;
   if (known) {
-    parameters_change.resize(count);
-    parameters_change << stitching.head->left.parameters() - head->left.parameters(),
-        stitching.head->right.parameters() - head->right.parameters(),
-        base::difference(head->right_from_left, stitching.head->right_from_left);
+    parameters_change = math::head_change(*head, *stitching.head);
     moved_ = parameters_change.norm() > 0.0;
   }
   std::vector<Index> rows;

@@ -236,6 +236,7 @@ Result<FringeSet> solve_set(const std::vector<Image>& images, const std::vector<
   set.steps = static_cast<int>(images.size());
   set.exposure = exposure;
   set.gain = solver.gain();
+  set.white_level = white;
   for (auto* plane : {&set.turns, &set.modulation, &set.mean, &set.squares}) plane->resize(pixels);
   set.used.assign(pixels, static_cast<std::uint8_t>(set.steps));
   std::vector<float> gains(pixels, static_cast<float>(set.gain));

@@ -106,6 +106,30 @@ TEST(PartPosition, RpsPointsOfTwoListsHoldThePart) {
   ASSERT_EQ(part_files(job).size(), 2U);
 }
 
+TEST(PartPosition, MarkersInThePartHoldItWhereStitchFoundThem) {
+  const TemporaryFolder folder;
+  const Job job = job_of(folder, "[hole]\nnominal = \"circle\"\nmarkers = \"markers.csv\"\n[part]\nposition = \"markers\"\n");
+  EXPECT_TRUE(job.hole->markers_in_part);
+  MeasuredPart measured;
+  auto part = part_position(job, measured, std::nullopt);
+  ASSERT_FALSE(part.has_value());
+  EXPECT_THAT(part.error().message, HasSubstr("stitch did not find where they lie"));
+  measured.tied_by_stitch = base::Pose{Eigen::Quaterniond::Identity(), {1.0, 2.0, 3.0}};
+  measured.tied_cov = 0.01 * base::Matrix6d::Identity();
+  part = part_position(job, measured, std::nullopt);
+  ASSERT_TRUE(part.has_value()) << part.error().message;
+  EXPECT_EQ(part->source, "markers");
+  EXPECT_EQ(part->machine_from_part.translation_mm, Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(part->covariance, measured.tied_cov);
+  // Markers in the machine's frame say nothing of the part.
+  folder.write("job.toml",
+               "format = \"crosstie-job/1\"\nname = \"door\"\n[hole]\nnominal = \"circle\"\nmarkers = \"markers.csv\"\n"
+               "markers_frame = \"machine\"\n[part]\nposition = \"markers\"\n");
+  const auto refused = read_job(folder.path());
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_THAT(refused.error().message, HasSubstr("[hole] markers in the part's frame"));
+}
+
 TEST(PartPosition, WhatIsMissingIsNamed) {
   const TemporaryFolder folder;
   folder.write("known.csv", "id,x_mm,y_mm,z_mm\n1,0,0,0\n2,1500,0,0\n3,0,900,0\n");

@@ -199,7 +199,7 @@ TEST(ShellFit, FindsTheShellAndItsDifferenceFromTheNominal) {
       cloud.points.push_back(turned * (on + 0.1 * normal(random) * outward));
     }
     const NominalShell nominal{{0.0, 0.0, 0.0}, Eigen::Vector3d::UnitX(), 2100.0, half};
-    const auto fit = fit_shell(cloud, nominal, {.cone = true, .robust = false, .sigma_mm = 0.1, .correlation_mm = 0.0});
+    const auto fit = compare_shell(cloud, nominal, {.cone = true, .robust = false, .sigma_mm = 0.1, .correlation_mm = 0.0});
     ASSERT_TRUE(fit.has_value()) << fit.error().message;
     EXPECT_NEAR(fit->sigma0, 1.0, 0.15);
     ASSERT_TRUE(fit->difference.has_value());
@@ -221,7 +221,7 @@ TEST(ShellFit, FindsTheShellAndItsDifferenceFromTheNominal) {
 TEST(ShellFit, StraysAreLeftOut) {
   Cloud cloud = shell(2150.0, 0.9, 1200.0, 0.0, 900, 12, 0.05);
   for (int i = 0; i < 60; ++i) cloud.points.emplace_back(10.0 * i - 300.0, 50.0, 2180.0 + 0.3 * i);  // a cable over it
-  const auto fit = fit_shell(cloud, std::nullopt, {.cone = false});
+  const auto fit = compare_shell(cloud, std::nullopt, {.cone = false});
   ASSERT_TRUE(fit.has_value()) << fit.error().message;
   EXPECT_NEAR(static_cast<double>(fit->rejected), 60.0, 3.0);
   EXPECT_NEAR(fit->diameter_mm, 4300.0, 4.0 * fit->diameter_sigma_mm);
@@ -247,8 +247,8 @@ TEST(ShellFit, FormCountsByPatchesAndNotByPoints) {
         }
       }
     }
-    const auto by_patch = fit_shell(cloud, std::nullopt, {.cone = false, .robust = false});
-    const auto by_point = fit_shell(cloud, std::nullopt, {.cone = false, .robust = false, .correlation_mm = 0.0});
+    const auto by_patch = compare_shell(cloud, std::nullopt, {.cone = false, .robust = false});
+    const auto by_point = compare_shell(cloud, std::nullopt, {.cone = false, .robust = false, .correlation_mm = 0.0});
     ASSERT_TRUE(by_patch && by_point);
     honest += std::pow((by_patch->diameter_mm - 2000.0) / by_patch->diameter_sigma_mm, 2) / kSeeds;
     naive += std::pow((by_point->diameter_mm - 2000.0) / by_point->diameter_sigma_mm, 2) / kSeeds;
