@@ -47,6 +47,7 @@ struct Voice {
   int pixels = 0;
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
   Eigen::Vector3d point_in_rig_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   double off_mm = 0.0;    // from the smooth line, away from the material
   double sigma_mm = 0.0;  // of it
   double surface_sigma_mm = 0.0;
@@ -79,6 +80,7 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
       weights += weight;
       voice.point_mm += weight * member->point_mm;
       voice.point_in_rig_mm += weight * member->point_in_rig_mm;
+      voice.normal += weight * member->normal;
       voice.off_mm += weight * line.off_mm(member->point_mm);
       voice.surface_sigma_mm += weight * member->surface_sigma_mm;
       const double facing = std::max(0.1, std::abs(member->ray.dot(member->normal)));
@@ -93,6 +95,7 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
     for (double* value : {&voice.off_mm, &voice.surface_sigma_mm, &voice.lean, &voice.band_mm, &piece}) *value /= weights;
     voice.point_mm /= weights;
     voice.point_in_rig_mm /= weights;
+    voice.normal.normalize();
     // Pixels of one piece of edge are one measurement.
     const double pieces = std::max(1.0, (extent_high - extent_low) / piece);
     voice.sigma_mm = std::sqrt(variance / weights / pieces);
@@ -102,7 +105,7 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
 }
 
 /// Cameras and stations together; those that contradict the others and the neighbours go.
-Cell fuse(std::vector<Voice> voices, const RimLine& line, const Face& face, double max_w, HoleEdge::Counts& counts) {
+Cell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, HoleEdge::Counts& counts) {
   const auto contradicts = [&](const Voice& a, const Voice& b) {
     return std::abs(a.off_mm - b.off_mm) > max_w * std::hypot(a.sigma_mm, b.sigma_mm, line.scatter_mm);
   };
@@ -125,6 +128,7 @@ Cell fuse(std::vector<Voice> voices, const RimLine& line, const Face& face, doub
     const double weight = 1.0 / (voice.sigma_mm * voice.sigma_mm);
     weights += weight;
     cell.point_mm += weight * voice.point_mm;
+    cell.normal += weight * voice.normal;
     cell.off_mm += weight * voice.off_mm;
     cell.surface_sigma_mm += weight * voice.surface_sigma_mm;
     cell.lean += weight * voice.lean;
@@ -135,7 +139,8 @@ Cell fuse(std::vector<Voice> voices, const RimLine& line, const Face& face, doub
   for (const Voice& voice : voices) squares += std::pow((voice.off_mm - cell.off_mm) / voice.sigma_mm, 2);
   if (voices.size() > 1) cell.disagreement = std::max(1.0, squares / static_cast<double>(voices.size() - 1));
   cell.sigma_mm = std::sqrt(cell.disagreement / weights);
-  cell.normal = face.normal_at(cell.point_mm);
+  // Of the surfaces themselves: a rim says little of the slopes of the face that it lies in.
+  cell.normal.normalize();
   cell.across = (line.across - line.across.dot(cell.normal) * cell.normal).normalized();
   cell.voices = std::move(voices);
   return cell;
@@ -319,6 +324,7 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     on_face.push_back(candidate);
   }
   std::vector<RimCandidate> rim = detail::facing_inwards(on_face, *face, counts.inwards);
+  detail::unbend(*face, detail::curvature_of(rim, *face), rim);
   std::erase_if(rim, [&](const RimCandidate& candidate) { return !in_arc(options, candidate.angle_rad); });
   auto cells = detail::cells_of(rim, *face, options.cell_mm);
   if (!cells) {
@@ -347,7 +353,7 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
         ++counts.used;
       }
     }
-    if (!members.empty()) points.push_back(fuse(voices_of(members, line), line, *face, options.max_w, counts));
+    if (!members.empty()) points.push_back(fuse(voices_of(members, line), line, options.max_w, counts));
   }
   if (points.size() < 3) return fail(ErrorCode::kNoUniqueSolution, "the edges in the region do not form a rim");
 

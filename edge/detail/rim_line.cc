@@ -79,12 +79,15 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
       right += offsets[k] * row;
     }
     const Eigen::Vector3d line = normal.ldlt().solve(right);
+    // Between neighbours with bands, and not beyond the last of them: there the line is a guess.
+    const auto [first, last] = std::minmax_element(places.begin(), places.end());
     const double least = std::max(kLeastDistance_mm, kOfBand * math::median(bands));
     for (std::size_t m = 0; m < cell.members.size(); ++m) {
       const RimCandidate& member = *cell.members[m];
       if (member.band_mm > 0.0) continue;
       const Eigen::Vector3d d = member.point_mm - cell.middle_mm;
       const double a = cell.along.dot(d);
+      if (a < *first || a > *last) continue;
       marked[i].inner[m] = cell.across.dot(d) - line.x() - line.y() * a - line.z() * a * a > least;
     }
   }
