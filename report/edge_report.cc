@@ -268,9 +268,9 @@ std::string overlay(const EdgeImage& image) {
     const char* colour = pixel.kind == base::EdgeClass::kMaterial ? "#2a9d4a"
                          : pixel.kind == base::EdgeClass::kShadow ? "#5a78d0"
                                                                   : "#d08a2a";
-    plot.point(pixel.at_px.x(), pixel.at_px.y(), "dot", colour, "", 1.2);
+    plot.point(pixel.at_px.x(), pixel.at_px.y(), "", colour, "", 1.2);
   }
-  for (const Eigen::Vector2d& at : image.curve_px) plot.point(at.x(), at.y(), "dot", "#c0202a", "", 2.0);
+  for (const Eigen::Vector2d& at : image.curve_px) plot.point(at.x(), at.y(), "", "#c0202a", "", 1.6);
   return plot.str();
 }
 
