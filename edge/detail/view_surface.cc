@@ -14,6 +14,8 @@ namespace {
 
 constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
 constexpr int kLeastDepths = 40;
+constexpr double kBegin_px = 4.0;     // beyond the guard: there the surface must have begun, or the edge is not its own
+constexpr double kBeginShare = 0.25;  // of the pixels there
 constexpr int kRounds = 6;
 constexpr double kTukey = 4.7;
 constexpr double kCurved = 12.0;  // of chi-square with one degree of freedom: a curvature that is there
@@ -128,21 +130,26 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
   const int y0 = std::max(0, static_cast<int>(middle.y() - radius));
   const int y1 = std::min(view.height() - 1, static_cast<int>(middle.y() + radius) + 1);
   std::vector<Depth> depths;
+  int seen_first = 0, known_first = 0;  // of the pixels next to the edge
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
       const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
-      const double z = view.depth(at);
-      if (std::isnan(z)) continue;
       const Eigen::Vector2d d = Eigen::Vector2d(x, y) - at_px;
       const double q = -out.dot(d);
       if (q < guard_px || q > reach_px || std::abs(along.dot(d)) > half) continue;
+      const double z = view.depth(at);
+      if (q < guard_px + kBegin_px) {
+        ++seen_first;
+        if (!std::isnan(z)) ++known_first;
+      }
+      if (std::isnan(z)) continue;
       const Eigen::Vector2f tangent = view.tangent(x, y);
       if (!tangent.allFinite()) continue;
       const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)));
       depths.push_back({{1.0, tangent.x(), tangent.y(), q * q}, 1.0 / z, sigma_z / (z * z)});
     }
   }
-  if (depths.size() < kLeastDepths) return std::nullopt;
+  if (depths.size() < kLeastDepths || known_first < kBeginShare * seen_first) return std::nullopt;
   const auto ray = view.camera().unproject(at_px);
   if (!ray) return std::nullopt;
   const Fit flat = fit(depths, 3);
