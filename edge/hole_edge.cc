@@ -12,6 +12,7 @@
 
 #include "edge/detail/rim_candidates.h"
 #include "edge/detail/rim_line.h"
+#include "edge/detail/rim_search.h"
 #include "math/covariance_root.h"
 #include "math/head_point.h"
 
@@ -241,8 +242,7 @@ double roughness(const std::vector<Cell>& cells, double reach_mm, std::vector<do
 }
 
 /// Why there is nothing between two places of the rim.
-std::string gap_reason(const std::vector<std::pair<Eigen::Vector3d, std::string>>& lost, const Eigen::Vector3d& from,
-                       const Eigen::Vector3d& to) {
+std::string gap_reason(const detail::LostEdges& lost, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   std::map<std::string, int> reasons;
   const double length = (to - from).norm();
   for (const auto& [point, reason] : lost) {
@@ -287,7 +287,7 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   HoleEdge result;
   HoleEdge::Counts& counts = result.counts;
   std::vector<RimCandidate> all;
-  std::vector<std::pair<Eigen::Vector3d, std::string>> lost;
+  detail::LostEdges lost;
   for (std::size_t i = 0; i < stations.size(); ++i) {
     if (progress.cancelled()) return base::cancelled("edge");
     result.curve.stations.push_back(stations[i].name);
@@ -300,33 +300,13 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     }
     all.insert(all.end(), found.rim.begin(), found.rim.end());
   }
-  const auto face = detail::find_face(all, options.max_off_face_mm);
-  if (!face) return tl::unexpected(face.error());
-
-  // What lies on the face, then what has the hole on its outer side.
-  std::vector<RimCandidate> on_face;
-  for (const RimCandidate& candidate : all) {
-    const bool off = std::abs(face->off_mm(candidate.point_mm)) > options.max_off_face_mm ||
-                     candidate.normal.dot(face->normal_at(candidate.point_mm)) < std::cos(options.max_turn_rad);
-    if (off) {
-      ++counts.off_face;
-      lost.emplace_back(candidate.point_mm, "the edge there is that of another surface");
-      continue;
-    }
-    const auto mask = std::find_if(options.masks.begin(), options.masks.end(), [&](const MaskedDisc& disc) {
-      return (candidate.point_mm - disc.centre_mm).norm() < disc.radius_mm;
-    });
-    if (mask != options.masks.end()) {
-      ++counts.masked;
-      lost.emplace_back(candidate.point_mm, mask->name + " lies there");
-      continue;
-    }
-    on_face.push_back(candidate);
-  }
-  std::vector<RimCandidate> rim = detail::facing_inwards(on_face, *face, counts.inwards);
-  detail::unbend(*face, detail::curvature_of(rim, *face), rim);
+  auto found = detail::find_rim(all, options, counts, lost);
+  if (!found) return tl::unexpected(found.error());
+  const Face& face = found->face;
+  std::vector<RimCandidate>& rim = found->rim;
+  detail::unbend(face, detail::curvature_of(rim, face), rim);
   std::erase_if(rim, [&](const RimCandidate& candidate) { return !in_arc(options, candidate.angle_rad); });
-  auto cells = detail::cells_of(rim, *face, options.cell_mm);
+  auto cells = detail::cells_of(rim, face, options.cell_mm);
   if (!cells) {
     return fail(cells.error().code, fmt::format("{} (in the region: {} elsewhere, {} shadows, {} without surface, {} on other "
                                                 "surfaces, {} outer contours, {} masked)",

@@ -48,7 +48,9 @@ struct Site {
   bool bend = false;
   bool paint = false;
   bool lost = false;
-  Eigen::Vector2i pixel = Eigen::Vector2i::Zero();                       ///< at which it began
+  bool line = false;                                ///< one step alone could not be fitted when its direction was looked for
+  Eigen::Vector2i pixel = Eigen::Vector2i::Zero();  ///< at which it began
+  std::optional<double> strongest_px = {};          ///< place of the strongest step: fitted, else as it was seen
   std::array<std::optional<StepProfile>, detail::kMostSteps> fits = {};  ///< with one, two, three steps
   std::array<double, detail::kMostSteps> criterion = {};                 ///< of the choice between them, smaller is better
   std::size_t images = 0;
@@ -187,6 +189,12 @@ void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, 
     if (!detail::fit_steps(samples, site.images, site.noise, blur_px, std::span(candidates).first(k), profile)) continue;
     site.fits[k - 1] = profile;
   }
+  // One step alone does not come to rest on a bright line, such as a chamfer that shines.
+  site.strongest_px.reset();
+  if (site.fits[0])
+    site.strongest_px = site.fits[0]->at_px[0];
+  else if (!candidates.empty())
+    site.strongest_px = candidates.front();
   // What the best fit leaves is grain and noise; the same for all, or they could not be compared.
   double grain = 0.0;
   for (std::size_t k = 1; k <= site.fits.size(); ++k) {
@@ -304,16 +312,21 @@ Eigen::Vector3d robust_curve(const std::vector<Eigen::Vector2d>& places) {
   return curve;
 }
 
-/// Direction and curvature of a piece from the strongest steps of its neighbours: a parabola, robust.
+/// Direction and curvature of a piece from the strongest steps of its neighbours: a parabola, robust. Steps that were seen and could not be fitted
+/// count where they are the most: on a bright line.
 std::optional<PieceFrame> smoothed_frame(const Sites& sites, const Site& site) {
   constexpr std::size_t kLeast = 6;
-  std::vector<Eigen::Vector2d> places;
+  std::vector<Eigen::Vector2d> places, seen;
   const Eigen::Vector2d along = site.frame.along();
   sites.neighbours(site, kNeighbours_px, [&](const Site& other) {
-    if (!other.fits[0]) return;
-    const Eigen::Vector2d d = other.frame.origin_px + other.fits[0]->at_px[0] * other.frame.out - site.frame.origin_px;
-    places.emplace_back(along.dot(d), site.frame.out.dot(d));
+    if (!other.strongest_px) return;
+    const Eigen::Vector2d d = other.frame.origin_px + *other.strongest_px * other.frame.out - site.frame.origin_px;
+    (other.fits[0] ? places : seen).emplace_back(along.dot(d), site.frame.out.dot(d));
   });
+  if (seen.size() > places.size())
+    places.insert(places.end(), seen.begin(), seen.end());
+  else if (!site.fits[0])
+    return std::nullopt;
   if (places.size() < kLeast) return std::nullopt;
   const Eigen::Vector3d curve = robust_curve(places);
   PieceFrame frame;
@@ -346,7 +359,7 @@ std::size_t steps_of(const Sites& sites, const Site& site) {
 std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, const EdgeInput& input, const EdgeImages& images,
                                        const EdgeOptions& options, const Blur& blur, std::vector<ProfileSample>& samples) {
   const std::size_t steps = steps_of(sites, site);
-  if (steps == 0) return std::nullopt;
+  if (steps == 0 || (steps == 1 && site.line)) return std::nullopt;
   const StepProfile& fit = *site.fits[steps - 1];
   base::EdgePixel edge;
   PieceFrame frame = site.frame;
@@ -440,11 +453,12 @@ Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& o
     if (!done) return fail(std::move(done));
     std::vector<std::optional<PieceFrame>> frames(sites.all.size());
     done = for_sites(sites.all, options.threads, "directions", progress, [&](std::size_t i, std::vector<ProfileSample>&) {
-      if (sites.all[i].fits[0]) frames[i] = smoothed_frame(sites, sites.all[i]);
+      if (sites.all[i].strongest_px) frames[i] = smoothed_frame(sites, sites.all[i]);
     });
     if (!done) return fail(std::move(done));
     for (std::size_t i = 0; i < frames.size(); ++i) {
       sites.all[i].lost = !frames[i];
+      sites.all[i].line = !sites.all[i].fits[0];
       if (frames[i]) sites.all[i].frame = *frames[i];
     }
     std::erase_if(sites.all, [](const Site& site) { return site.lost; });

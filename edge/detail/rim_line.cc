@@ -26,17 +26,6 @@ constexpr double kLeastScatter_mm = 0.01;
 constexpr double kTukey = 4.7;
 constexpr int kRounds = 8;
 
-Eigen::Vector2d middle_of(const std::vector<RimCandidate>& candidates, const Face& face) {
-  // The middle of what is spanned, not of the points: these may be dense on one side.
-  Eigen::Vector2d low = Eigen::Vector2d::Constant(1e300), high = -low;
-  for (const RimCandidate& candidate : candidates) {
-    const Eigen::Vector2d at = face.local(candidate.point_mm).head<2>();
-    low = low.cwiseMin(at);
-    high = high.cwiseMax(at);
-  }
-  return 0.5 * (low + high);
-}
-
 Eigen::Vector2d centroid_of(const std::vector<RimCandidate>& candidates, const Face& face) {
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   for (const RimCandidate& candidate : candidates) sum += face.local(candidate.point_mm).head<2>();
@@ -94,23 +83,6 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
 }
 
 }  // namespace
-
-std::vector<RimCandidate> facing_inwards(const std::vector<RimCandidate>& candidates, const Face& face, std::int64_t& others) {
-  constexpr int kRounds = 4;
-  std::vector<RimCandidate> kept = candidates;
-  for (int round = 0; round < kRounds && !kept.empty(); ++round) {
-    const Eigen::Vector2d middle = middle_of(kept, face);
-    std::vector<RimCandidate> next;
-    for (const RimCandidate& candidate : candidates) {
-      const Eigen::Vector2d to = middle - face.local(candidate.point_mm).head<2>();
-      const Eigen::Vector2d out = (face.axes.transpose() * candidate.out).head<2>();
-      if (out.dot(to) > 0.5 * to.norm() * out.norm()) next.push_back(candidate);
-    }
-    kept = std::move(next);
-  }
-  others += static_cast<std::int64_t>(candidates.size() - kept.size());
-  return kept;
-}
 
 Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face, double cell_mm) {
   constexpr double kTurn = 2.0 * std::numbers::pi;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -11,9 +10,6 @@
 #include "edge/detail/rim_candidates.h"
 
 namespace crosstie::edge::detail {
-
-/// Candidates whose outer side is the hole's: it leads to their middle. `others` counts those of outer contours.
-std::vector<RimCandidate> facing_inwards(const std::vector<RimCandidate>& candidates, const Face& face, std::int64_t& others);
 
 /// A short part of the rim.
 struct RimCell {
