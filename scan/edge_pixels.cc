@@ -25,7 +25,7 @@ using base::fail;
 using base::Result;
 using detail::EdgeImages;
 using detail::PieceFrame;
-using detail::ProfileSample;
+using detail::PieceSamples;
 using detail::StepProfile;
 
 constexpr double kFirstBlur_px = 0.7;  // until the camera's own is found
@@ -176,15 +176,16 @@ bool begins_clearly(const StepProfile& fit, std::size_t images) {
 
 /// Fits one, two and three steps.
 void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, double blur_px, std::size_t most,
-              std::vector<ProfileSample>& samples) {
+              PieceSamples& samples) {
   site.fits = {};
-  site.images = images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, site.noise);
+  site.images = images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
   if (site.images == 0) return;
+  site.noise = samples.noise_sigma;
   const auto candidates =
-      detail::step_candidates(samples, site.images, -kSearchInside_px, kSearchOutside_px, most, options.min_step_sigmas);
-  for (std::size_t k = 1; k <= candidates.size(); ++k) {
+      detail::step_candidates(samples.profile, -kSearchInside_px, kSearchOutside_px, most, options.min_step_sigmas);
+  for (std::size_t k = 1; k <= candidates.count; ++k) {
     StepProfile profile;
-    if (!detail::fit_steps(samples, site.images, site.noise, blur_px, std::span(candidates).first(k), profile)) continue;
+    if (!detail::fit_steps(samples.profile, site.noise, blur_px, candidates.first(k), profile)) continue;
     site.fits[k - 1] = profile;
   }
   // What the best fit leaves is grain and noise; the same for all, or they could not be compared.
@@ -201,8 +202,8 @@ void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, 
       continue;
     }
     const double unknowns = static_cast<double>(k + site.images * (k + 1));
-    site.criterion[k - 1] =
-        -2.0 * site.fits[k - 1]->log_likelihood / grain + unknowns * std::log(static_cast<double>(samples.size()) / grain);
+    site.criterion[k - 1] = -2.0 * site.fits[k - 1]->log_likelihood / grain +
+                            unknowns * std::log(static_cast<double>(samples.profile.size()) / grain);
   }
 }
 
@@ -210,7 +211,7 @@ template <typename Work>
 Result<> for_sites(std::vector<Site>& sites, int threads, const char* stage, const base::Progress& progress, const Work& work) {
   const std::size_t tasks = (sites.size() + kSitesPerTask - 1) / kSitesPerTask;
   return base::parallel_for(tasks, threads, stage, progress, [&](std::size_t task) -> Result<> {
-    std::vector<ProfileSample> samples;
+    PieceSamples samples;
     const std::size_t end = std::min(sites.size(), (task + 1) * kSitesPerTask);
     for (std::size_t i = task * kSitesPerTask; i < end; ++i) work(i, samples);
     return {};
@@ -239,24 +240,22 @@ Blur find_blur(const Sites& sites, const EdgeImages& images, const EdgeOptions& 
   std::sort(clean.begin(), clean.end());
   if (clean.size() > kBlurSites) clean.resize(kBlurSites);
   std::vector<double> blurs;
-  std::vector<ProfileSample> samples;
-  std::array<double, detail::kMostEdgeImages> noise = {};
+  PieceSamples samples;
   for (const auto& [order, index] : clean) {
     const Site& site = sites.all[index];
-    const std::size_t count =
-        images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, noise);
-    const auto candidates = detail::step_candidates(samples, count, -kSearchInside_px, kSearchOutside_px, detail::kMostSteps,
+    const std::size_t count = images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
+    const auto candidates = detail::step_candidates(samples.profile, -kSearchInside_px, kSearchOutside_px, detail::kMostSteps,
                                                     options.min_step_sigmas);
     // With as many steps as it takes: two that are taken for one look blurred.
     std::vector<double> criteria;
     for (double blur = kLeastBlur_px; blur < kMostBlur_px; blur *= kBlurStep) {
       criteria.push_back(std::numeric_limits<double>::infinity());
-      for (std::size_t k = 1; k <= candidates.size(); ++k) {
+      for (std::size_t k = 1; k <= candidates.count; ++k) {
         StepProfile profile;
-        if (!detail::fit_steps(samples, count, noise, blur, std::span(candidates).first(k), profile)) continue;
+        if (!detail::fit_steps(samples.profile, samples.noise_sigma, blur, candidates.first(k), profile)) continue;
         if (profile.band_variance_px2 > 0.0) continue;
-        const double criterion = -2.0 * profile.log_likelihood +
-                                 static_cast<double>(k + count * (k + 1)) * std::log(static_cast<double>(samples.size()));
+        const double criterion = -2.0 * profile.log_likelihood + static_cast<double>(k + count * (k + 1)) *
+                                                                     std::log(static_cast<double>(samples.profile.size()));
         criteria.back() = std::min(criteria.back(), criterion);
       }
     }
@@ -344,7 +343,7 @@ std::size_t steps_of(const Sites& sites, const Site& site) {
 }
 
 std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, const EdgeInput& input, const EdgeImages& images,
-                                       const EdgeOptions& options, const Blur& blur, std::vector<ProfileSample>& samples) {
+                                       const EdgeOptions& options, const Blur& blur, PieceSamples& samples) {
   const std::size_t steps = steps_of(sites, site);
   if (steps == 0) return std::nullopt;
   const StepProfile& fit = *site.fits[steps - 1];
@@ -359,12 +358,11 @@ std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, con
   // Steps near each other lean on the point spread.
   double by_blur = 0.0;
   if (steps > 1) {
-    std::array<double, detail::kMostEdgeImages> noise = {};
-    const std::size_t count =
-        images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, noise);
+    images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
     StepProfile wider;
     constexpr double kWider = 1.05;
-    const bool fits = detail::fit_steps(samples, count, noise, kWider * blur.px, std::span(fit.at_px).first(steps), wider);
+    const bool fits =
+        detail::fit_steps(samples.profile, samples.noise_sigma, kWider * blur.px, std::span(fit.at_px).first(steps), wider);
     by_blur = fits ? (wider.at_px[0] - fit.at_px[0]) / (kWider - 1.0) * blur.relative_sigma : 0.5 * blur.px;
   }
   edge.noise_px = std::sqrt(fit.noise_cov_px2(0, 0));
@@ -433,13 +431,12 @@ Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& o
   Sites sites = find_sites(input, options, images);
   // Directions and curvatures from the strongest steps; these again, since a step seen at a slant is blurred.
   for (int round = 0; round < kDirectionRounds; ++round) {
-    auto done =
-        for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
-          fit_site(sites.all[i], images, options, kFirstBlur_px, 1, samples);
-        });
+    auto done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, PieceSamples& samples) {
+      fit_site(sites.all[i], images, options, kFirstBlur_px, 1, samples);
+    });
     if (!done) return fail(std::move(done));
     std::vector<std::optional<PieceFrame>> frames(sites.all.size());
-    done = for_sites(sites.all, options.threads, "directions", progress, [&](std::size_t i, std::vector<ProfileSample>&) {
+    done = for_sites(sites.all, options.threads, "directions", progress, [&](std::size_t i, PieceSamples&) {
       if (sites.all[i].fits[0]) frames[i] = smoothed_frame(sites, sites.all[i]);
     });
     if (!done) return fail(std::move(done));
@@ -454,24 +451,24 @@ Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& o
   result.width = map.width;
   result.height = map.height;
   result.piece_px = 2.0 * options.half_piece_px + 1.0;
-  auto done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
+  auto done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, PieceSamples& samples) {
     fit_site(sites.all[i], images, options, kFirstBlur_px, 1, samples);
   });
   if (!done) return fail(std::move(done));
   const Blur blur = find_blur(sites, images, options);
   result.blur_px = blur.px;
-  done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
-    fit_site(sites.all[i], images, options, result.blur_px, static_cast<std::size_t>(detail::kMostSteps), samples);
+  done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, PieceSamples& samples) {
+    fit_site(sites.all[i], images, options, result.blur_px, detail::kMostSteps, samples);
   });
   if (!done) return fail(std::move(done));
   std::vector<std::optional<base::EdgePixel>> edges(sites.all.size());
-  done = for_sites(sites.all, options.threads, "classes", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
+  done = for_sites(sites.all, options.threads, "classes", progress, [&](std::size_t i, PieceSamples& samples) {
     edges[i] = edge_of(sites, sites.all[i], input, images, options, blur, samples);
   });
   if (!done) return fail(std::move(done));
   std::vector<char> stray(edges.size(), 0);
   done = for_sites(sites.all, options.threads, "strays", progress,
-                   [&](std::size_t i, std::vector<ProfileSample>&) { stray[i] = edges[i] && is_stray(sites, edges, i); });
+                   [&](std::size_t i, PieceSamples&) { stray[i] = edges[i] && is_stray(sites, edges, i); });
   if (!done) return fail(std::move(done));
   for (std::size_t i = 0; i < edges.size(); ++i) {
     if (edges[i] && !stray[i]) result.pixels.push_back(*edges[i]);
