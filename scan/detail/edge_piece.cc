@@ -17,13 +17,6 @@ constexpr std::size_t kSampleEvery = 101;
 constexpr double kLeastShare = 0.6;     // of the pixels of a piece that must have levels
 constexpr double kNearlyWhite = 0.985;  // of the white level: cut off
 
-/// The middle value, of an even number the upper one; the values are reordered.
-double middle(std::vector<double>& values) {
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 template <typename Sample>
 std::vector<float> levels_of(const base::ImageView& view) {
   std::vector<float> levels;

@@ -62,6 +62,13 @@ class EdgeImages {
   double gain_ = 0.0;          ///< variance of the modulation over that of a level
 };
 
+/// The middle value, of an even number the upper one; the values are reordered, none may be missing.
+inline double middle(std::vector<double>& values) {
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
 /// Narrows [low, high] to the x with from <= slope x + offset <= to.
 inline void narrow(double slope, double offset, double from, double to, double& low, double& high) {
   if (std::abs(slope) < 1e-9) return;

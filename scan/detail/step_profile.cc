@@ -10,7 +10,6 @@ namespace crosstie::scan::detail {
 namespace {
 
 constexpr int kMaxIterations = 20;
-constexpr double kConverged_px = 1e-3;
 constexpr double kBelowBlack = 0.2;     // how far levels may fall below zero, over the highest
 constexpr double kLeastDistance = 0.8;  // of two steps, in blurs: of nearer ones only height times distance can be told
 
@@ -169,7 +168,7 @@ struct Solution {
 
 /// Nothing where it does not converge.
 std::optional<Solution> iterate(const ProfileSamples& samples, const std::array<double, kMostEdgeImages>& noise_sigma,
-                                double blur_px, std::span<const double> start_px) {
+                                double blur_px, std::span<const double> start_px, double converged_px) {
   const std::size_t k = start_px.size();
   const auto n = static_cast<double>(samples.size());
   const double freedom = n - static_cast<double>(k + 2);
@@ -198,7 +197,7 @@ std::optional<Solution> iterate(const ProfileSamples& samples, const std::array<
         places[j] = 0.5 * (places[j] + before[j]);
         largest = std::max(largest, std::abs(places[j] - before[j]));
       }
-      if (largest < kConverged_px) return std::nullopt;
+      if (largest < converged_px) return std::nullopt;
       continue;
     }
     likelihood = now;
@@ -209,51 +208,51 @@ std::optional<Solution> iterate(const ProfileSamples& samples, const std::array<
     if (largest < 0.0) return std::nullopt;
     just_tied = solution.tied != tied_before;
     if (!(places[0] > samples.low_px() + 0.5 && places[k - 1] < samples.high_px() - 0.5)) return std::nullopt;
-    if (largest < kConverged_px) return solution;
+    if (largest < converged_px) return solution;
   }
   return std::nullopt;
 }
 
 }  // namespace
 
-void ProfileSamples::clear() {
-  across_px_.clear();
-  for (auto& levels : levels_) levels.clear();
-  size_ = images_ = 0;
-  low_px_ = 1e9;
-  high_px_ = -1e9;
-}
+void ProfileSamples::clear() { size_ = images_ = 0; }
 
-void ProfileSamples::add(double across_px, const std::array<double, kMostEdgeImages>& levels) {
-  if (size_ == 0) origins_ = levels;  // keeps the sums of squares small
-  across_px_.push_back(across_px);
-  for (std::size_t image = 0; image < kMostEdgeImages; ++image) levels_[image].push_back(levels[image] - origins_[image]);
-  low_px_ = std::min(low_px_, across_px);
-  high_px_ = std::max(high_px_, across_px);
-  ++size_;
+void ProfileSamples::grow() {
+  const std::size_t room = std::max<std::size_t>(256, 2 * size_);
+  across_px_.resize(room);
+  for (auto& levels : levels_) levels.resize(room);
 }
 
 void ProfileSamples::finish(std::size_t images) {
   images_ = images;
-  const std::size_t padded = (size_ + kStepLanes - 1) / kStepLanes * kStepLanes;
-  across_px_.resize(padded, kBeforeAll_px);
+  low_px_ = 1e9;
+  high_px_ = -1e9;
+  for (std::size_t i = 0; i < size_; ++i) {
+    low_px_ = std::min(low_px_, across_px_[i]);
+    high_px_ = std::max(high_px_, across_px_[i]);
+  }
   for (std::size_t image = 0; image < images; ++image) {
     sums_[image] = squares_[image] = 0.0;
-    for (const double level : levels_[image]) {
-      sums_[image] += level;
-      squares_[image] += level * level;
+    for (std::size_t i = 0; i < size_; ++i) {
+      sums_[image] += levels_[image][i];
+      squares_[image] += levels_[image][i] * levels_[image][i];
     }
-    levels_[image].resize(padded, 0.0);
+  }
+  // Room is a multiple of the lanes.
+  for (std::size_t i = size_; i % kStepLanes != 0; ++i) {
+    across_px_[i] = kBeforeAll_px;
+    for (auto& levels : levels_) levels[i] = 0.0;
   }
 }
 
 StepSamples ProfileSamples::for_sums() const {
-  return {across_px_.data(), {levels_[0].data(), levels_[1].data(), levels_[2].data()}, across_px_.size(), images_};
+  const std::size_t padded = (size_ + kStepLanes - 1) / kStepLanes * kStepLanes;
+  return {across_px_.data(), {levels_[0].data(), levels_[1].data(), levels_[2].data()}, padded, images_};
 }
 
 bool fit_steps(const ProfileSamples& samples, const std::array<double, kMostEdgeImages>& noise_sigma, double blur_px,
-               std::span<const double> start_px, StepProfile& profile) {
-  const auto solution = iterate(samples, noise_sigma, blur_px, start_px);
+               std::span<const double> start_px, double converged_px, StepProfile& profile) {
+  const auto solution = iterate(samples, noise_sigma, blur_px, start_px, converged_px);
   if (!solution) return false;
   const std::size_t k = start_px.size();
   const std::size_t images = samples.images();

@@ -15,7 +15,13 @@ namespace crosstie::scan::detail {
 class ProfileSamples {
  public:
   void clear();
-  void add(double across_px, const std::array<double, kMostEdgeImages>& levels);
+  void add(double across_px, const std::array<double, kMostEdgeImages>& levels) {
+    if (size_ == across_px_.size()) grow();
+    if (size_ == 0) origins_ = levels;  // keeps the sums of squares small
+    across_px_[size_] = across_px;
+    for (std::size_t image = 0; image < kMostEdgeImages; ++image) levels_[image][size_] = levels[image] - origins_[image];
+    ++size_;
+  }
   /// After the last pixel: the first `images` levels of each count. Fits and candidates take samples that are finished.
   void finish(std::size_t images);
 
@@ -32,7 +38,9 @@ class ProfileSamples {
   [[nodiscard]] StepSamples for_sums() const;
 
  private:
-  std::vector<double> across_px_;
+  void grow();
+
+  std::vector<double> across_px_;  ///< room for more than `size_` samples
   std::array<std::vector<double>, kMostEdgeImages> levels_;
   std::array<double, kMostEdgeImages> origins_ = {}, sums_ = {}, squares_ = {};
   double low_px_ = 0.0, high_px_ = 0.0;
@@ -60,9 +68,10 @@ struct StepProfile {
 /// surface counts beside the camera's noise. The places are iterated (Gauss-Newton), the levels eliminated. Since the model integrates the
 /// blur, the place is that of the step itself, whatever the levels at its sides: the maximum of the gradient is pulled to neighbouring steps.
 /// `noise_sigma` are the camera's, of each image. Steps nearer to each other than the
-/// blur resolves are held at a least distance: a line, whose extent is told no better than that. False where it does not converge.
+/// blur resolves are held at a least distance: a line, whose extent is told no better than that. It ends with the first move of less than
+/// `converged_px`; false where there is none.
 bool fit_steps(const ProfileSamples& samples, const std::array<double, kMostEdgeImages>& noise_sigma, double blur_px,
-               std::span<const double> start_px, StepProfile& profile);
+               std::span<const double> start_px, double converged_px, StepProfile& profile);
 
 /// Places where the levels change most, strongest first, at most `count`: extrema of the derivative of the averages over strips half a
 /// pixel wide, in [from_px, to_px]. Each is told from the noise of these averages by `least_sigmas`.

@@ -267,7 +267,7 @@ TEST(StepProfile, IsNotPulledByANeighbouringStep) {
   samples.finish(1);
   detail::StepProfile fit;
   const std::array<double, 2> start = {-0.4, 2.3};
-  ASSERT_TRUE(detail::fit_steps(samples, {0.5, 0.5, 0.5}, blur, start, fit));
+  ASSERT_TRUE(detail::fit_steps(samples, {0.5, 0.5, 0.5}, blur, start, 1e-3, fit));
   EXPECT_NEAR(fit.at_px[0], 0.0, 1e-6);
   EXPECT_NEAR(fit.at_px[1], 2.0, 1e-6);
   EXPECT_NEAR(fit.levels[0][1], 110.0, 0.02);  // places are iterated to 1e-3 px
