@@ -25,7 +25,7 @@ using base::fail;
 using base::Result;
 using detail::EdgeImages;
 using detail::PieceFrame;
-using detail::ProfileSample;
+using detail::PieceSamples;
 using detail::StepProfile;
 
 constexpr double kFirstBlur_px = 0.7;  // until the camera's own is found
@@ -41,6 +41,7 @@ constexpr double kNeighbours_px = 8.0;  // pieces that tell each other's directi
 constexpr int kPaintDistance_px = 6;    // from the end of a surface
 constexpr int kDirectionRounds = 2;
 constexpr std::size_t kSitesPerTask = 256;
+constexpr double kConverged_px = 1e-3;
 
 /// A place where an edge is looked for, and what was found there.
 struct Site {
@@ -94,8 +95,13 @@ struct Sites {
 void add_paint_sites(const base::PhaseMap& map, const EdgeOptions& options, const std::vector<char>& near_end,
                      std::vector<Site>& sites) {
   const auto w = static_cast<std::size_t>(map.width);
+  // Sobel's: noise of a single line makes no edge.
   const auto gradient = [&](std::size_t at) -> Eigen::Vector2f {
-    return Eigen::Vector2f(map.light[at + 1] - map.light[at - 1], map.light[at + w] - map.light[at - w]) * 0.5F;
+    const float* p = &map.light[at];
+    const auto s = static_cast<std::ptrdiff_t>(w);
+    const float diagonal = p[s + 1] - p[-s - 1];
+    const float other = p[-s + 1] - p[s - 1];
+    return Eigen::Vector2f(diagonal + other + 2.0F * (p[1] - p[-1]), diagonal - other + 2.0F * (p[s] - p[-s])) * 0.125F;
   };
   for (int y = 2; y + 2 < map.height; ++y) {
     for (int x = 2; x + 2 < map.width; ++x) {
@@ -178,23 +184,24 @@ bool begins_clearly(const StepProfile& fit, std::size_t images) {
 
 /// Fits one, two and three steps.
 void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, double blur_px, std::size_t most,
-              std::vector<ProfileSample>& samples) {
+              double converged_px, PieceSamples& samples) {
   site.fits = {};
-  site.images = images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, site.noise);
+  site.images = images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
   if (site.images == 0) return;
+  site.noise = samples.noise_sigma;
   const auto candidates =
-      detail::step_candidates(samples, site.images, -kSearchInside_px, kSearchOutside_px, most, options.min_step_sigmas);
-  for (std::size_t k = 1; k <= candidates.size(); ++k) {
+      detail::step_candidates(samples.profile, -kSearchInside_px, kSearchOutside_px, most, options.min_step_sigmas);
+  for (std::size_t k = 1; k <= candidates.count; ++k) {
     StepProfile profile;
-    if (!detail::fit_steps(samples, site.images, site.noise, blur_px, std::span(candidates).first(k), profile)) continue;
+    if (!detail::fit_steps(samples.profile, site.noise, blur_px, candidates.first(k), converged_px, profile)) continue;
     site.fits[k - 1] = profile;
   }
   // One step alone does not come to rest on a bright line, such as a chamfer that shines.
   site.strongest_px.reset();
   if (site.fits[0])
     site.strongest_px = site.fits[0]->at_px[0];
-  else if (!candidates.empty())
-    site.strongest_px = candidates.front();
+  else if (candidates.count > 0)
+    site.strongest_px = candidates.at_px[0];
   // What the best fit leaves is grain and noise; the same for all, or they could not be compared.
   double grain = 0.0;
   for (std::size_t k = 1; k <= site.fits.size(); ++k) {
@@ -209,8 +216,8 @@ void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, 
       continue;
     }
     const double unknowns = static_cast<double>(k + site.images * (k + 1));
-    site.criterion[k - 1] =
-        -2.0 * site.fits[k - 1]->log_likelihood / grain + unknowns * std::log(static_cast<double>(samples.size()) / grain);
+    site.criterion[k - 1] = -2.0 * site.fits[k - 1]->log_likelihood / grain +
+                            unknowns * std::log(static_cast<double>(samples.profile.size()) / grain);
   }
 }
 
@@ -218,7 +225,7 @@ template <typename Work>
 Result<> for_sites(std::vector<Site>& sites, int threads, const char* stage, const base::Progress& progress, const Work& work) {
   const std::size_t tasks = (sites.size() + kSitesPerTask - 1) / kSitesPerTask;
   return base::parallel_for(tasks, threads, stage, progress, [&](std::size_t task) -> Result<> {
-    std::vector<ProfileSample> samples;
+    PieceSamples samples;
     const std::size_t end = std::min(sites.size(), (task + 1) * kSitesPerTask);
     for (std::size_t i = task * kSitesPerTask; i < end; ++i) work(i, samples);
     return {};
@@ -231,8 +238,35 @@ struct Blur {
   double relative_sigma = 0.1;
 };
 
+/// The point spread at which a piece's steps fit best; nothing where that is not one within the range.
+std::optional<double> blur_at(const Site& site, const EdgeImages& images, const EdgeOptions& options, PieceSamples& samples) {
+  const std::size_t count = images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
+  const auto candidates = detail::step_candidates(samples.profile, -kSearchInside_px, kSearchOutside_px, detail::kMostSteps,
+                                                  options.min_step_sigmas);
+  // With as many steps as it takes: two that are taken for one look blurred.
+  std::vector<double> criteria;
+  for (double blur = kLeastBlur_px; blur < kMostBlur_px; blur *= kBlurStep) {
+    criteria.push_back(std::numeric_limits<double>::infinity());
+    for (std::size_t k = 1; k <= candidates.count; ++k) {
+      StepProfile profile;
+      if (!detail::fit_steps(samples.profile, samples.noise_sigma, blur, candidates.first(k), kConverged_px, profile)) continue;
+      if (profile.band_variance_px2 > 0.0) continue;
+      const double criterion = -2.0 * profile.log_likelihood +
+                               static_cast<double>(k + count * (k + 1)) * std::log(static_cast<double>(samples.profile.size()));
+      criteria.back() = std::min(criteria.back(), criterion);
+    }
+  }
+  const auto least = static_cast<std::size_t>(std::min_element(criteria.begin(), criteria.end()) - criteria.begin());
+  if (least == 0 || least + 1 >= criteria.size() || !std::isfinite(criteria[least])) return std::nullopt;
+  const double before = criteria[least - 1] - criteria[least];
+  const double beyond = criteria[least + 1] - criteria[least];
+  if (!(std::isfinite(before + beyond) && before + beyond > 0.0)) return std::nullopt;
+  return kLeastBlur_px * std::pow(kBlurStep, static_cast<double>(least) + 0.5 * (before - beyond) / (before + beyond));
+}
+
 /// The point spread at the clean single steps that stand out most from their residuals.
-Blur find_blur(const Sites& sites, const EdgeImages& images, const EdgeOptions& options) {
+Result<Blur> find_blur(const Sites& sites, const EdgeImages& images, const EdgeOptions& options,
+                       const base::Progress& progress) {
   std::vector<std::pair<double, std::size_t>> clean;
   for (std::size_t i = 0; i < sites.all.size(); ++i) {
     const Site& site = sites.all[i];
@@ -246,37 +280,18 @@ Blur find_blur(const Sites& sites, const EdgeImages& images, const EdgeOptions& 
   }
   std::sort(clean.begin(), clean.end());
   if (clean.size() > kBlurSites) clean.resize(kBlurSites);
+  std::vector<std::optional<double>> found(clean.size());
+  auto done = base::parallel_for(clean.size(), options.threads, "blur", progress, [&](std::size_t i) -> Result<> {
+    PieceSamples samples;
+    found[i] = blur_at(sites.all[clean[i].second], images, options, samples);
+    return {};
+  });
+  if (!done) return fail(std::move(done));
   std::vector<double> blurs;
-  std::vector<ProfileSample> samples;
-  std::array<double, detail::kMostEdgeImages> noise = {};
-  for (const auto& [order, index] : clean) {
-    const Site& site = sites.all[index];
-    const std::size_t count =
-        images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, noise);
-    const auto candidates = detail::step_candidates(samples, count, -kSearchInside_px, kSearchOutside_px, detail::kMostSteps,
-                                                    options.min_step_sigmas);
-    // With as many steps as it takes: two that are taken for one look blurred.
-    std::vector<double> criteria;
-    for (double blur = kLeastBlur_px; blur < kMostBlur_px; blur *= kBlurStep) {
-      criteria.push_back(std::numeric_limits<double>::infinity());
-      for (std::size_t k = 1; k <= candidates.size(); ++k) {
-        StepProfile profile;
-        if (!detail::fit_steps(samples, count, noise, blur, std::span(candidates).first(k), profile)) continue;
-        if (profile.band_variance_px2 > 0.0) continue;
-        const double criterion = -2.0 * profile.log_likelihood +
-                                 static_cast<double>(k + count * (k + 1)) * std::log(static_cast<double>(samples.size()));
-        criteria.back() = std::min(criteria.back(), criterion);
-      }
-    }
-    const auto least = static_cast<std::size_t>(std::min_element(criteria.begin(), criteria.end()) - criteria.begin());
-    if (least == 0 || least + 1 >= criteria.size() || !std::isfinite(criteria[least])) continue;
-    const double before = criteria[least - 1] - criteria[least];
-    const double beyond = criteria[least + 1] - criteria[least];
-    if (!(std::isfinite(before + beyond) && before + beyond > 0.0)) continue;
-    blurs.push_back(kLeastBlur_px *
-                    std::pow(kBlurStep, static_cast<double>(least) + 0.5 * (before - beyond) / (before + beyond)));
+  for (const auto& one : found) {
+    if (one) blurs.push_back(*one);
   }
-  if (blurs.size() < kLeastBlurs) return {};
+  if (blurs.size() < kLeastBlurs) return Blur();
   Blur result{math::median(blurs)};
   for (double& blur : blurs) blur = std::abs(blur / result.px - 1.0);
   result.relative_sigma = std::max(kLeastBlurSigma, 1.4826 * math::median(blurs));
@@ -337,6 +352,29 @@ std::optional<PieceFrame> smoothed_frame(const Sites& sites, const Site& site) {
   return frame;
 }
 
+/// Directions and curvatures from the strongest steps; these again, since a step seen at a slant is blurred. Sites without are left out.
+Result<> find_directions(Sites& sites, const EdgeImages& images, const EdgeOptions& options, const base::Progress& progress) {
+  for (int round = 0; round < kDirectionRounds; ++round) {
+    auto done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, PieceSamples& samples) {
+      fit_site(sites.all[i], images, options, kFirstBlur_px, 1, kConverged_px, samples);
+    });
+    if (!done) return done;
+    std::vector<std::optional<PieceFrame>> frames(sites.all.size());
+    done = for_sites(sites.all, options.threads, "directions", progress, [&](std::size_t i, PieceSamples&) {
+      if (sites.all[i].strongest_px) frames[i] = smoothed_frame(sites, sites.all[i]);
+    });
+    if (!done) return done;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      sites.all[i].lost = !frames[i];
+      sites.all[i].line = !sites.all[i].fits[0];
+      if (frames[i]) sites.all[i].frame = *frames[i];
+    }
+    std::erase_if(sites.all, [](const Site& site) { return site.lost; });
+    sites.index();
+  }
+  return {};
+}
+
 /// The number of steps that a piece and its neighbours agree on; 0: none was found.
 std::size_t steps_of(const Sites& sites, const Site& site) {
   std::size_t best = site.fits[0] ? 1 : 0;
@@ -357,7 +395,7 @@ std::size_t steps_of(const Sites& sites, const Site& site) {
 }
 
 std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, const EdgeInput& input, const EdgeImages& images,
-                                       const EdgeOptions& options, const Blur& blur, std::vector<ProfileSample>& samples) {
+                                       const EdgeOptions& options, const Blur& blur, PieceSamples& samples) {
   const std::size_t steps = steps_of(sites, site);
   if (steps == 0 || (steps == 1 && site.line)) return std::nullopt;
   const StepProfile& fit = *site.fits[steps - 1];
@@ -372,12 +410,11 @@ std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, con
   // Steps near each other lean on the point spread.
   double by_blur = 0.0;
   if (steps > 1) {
-    std::array<double, detail::kMostEdgeImages> noise = {};
-    const std::size_t count =
-        images.samples(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples, noise);
+    images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
     StepProfile wider;
     constexpr double kWider = 1.05;
-    const bool fits = detail::fit_steps(samples, count, noise, kWider * blur.px, std::span(fit.at_px).first(steps), wider);
+    const bool fits = detail::fit_steps(samples.profile, samples.noise_sigma, kWider * blur.px,
+                                        std::span(fit.at_px).first(steps), kConverged_px, wider);
     by_blur = fits ? (wider.at_px[0] - fit.at_px[0]) / (kWider - 1.0) * blur.relative_sigma : 0.5 * blur.px;
   }
   edge.noise_px = std::sqrt(fit.noise_cov_px2(0, 0));
@@ -444,48 +481,27 @@ Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& o
   }
   const EdgeImages images(map, input.white);
   Sites sites = find_sites(input, options, images);
-  // Directions and curvatures from the strongest steps; these again, since a step seen at a slant is blurred.
-  for (int round = 0; round < kDirectionRounds; ++round) {
-    auto done =
-        for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
-          fit_site(sites.all[i], images, options, kFirstBlur_px, 1, samples);
-        });
-    if (!done) return fail(std::move(done));
-    std::vector<std::optional<PieceFrame>> frames(sites.all.size());
-    done = for_sites(sites.all, options.threads, "directions", progress, [&](std::size_t i, std::vector<ProfileSample>&) {
-      if (sites.all[i].strongest_px) frames[i] = smoothed_frame(sites, sites.all[i]);
-    });
-    if (!done) return fail(std::move(done));
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-      sites.all[i].lost = !frames[i];
-      sites.all[i].line = !sites.all[i].fits[0];
-      if (frames[i]) sites.all[i].frame = *frames[i];
-    }
-    std::erase_if(sites.all, [](const Site& site) { return site.lost; });
-    sites.index();
-  }
+  auto done = find_directions(sites, images, options, progress);
+  if (!done) return fail(std::move(done));
   base::EdgePixels result;
   result.width = map.width;
   result.height = map.height;
   result.piece_px = 2.0 * options.half_piece_px + 1.0;
-  auto done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
-    fit_site(sites.all[i], images, options, kFirstBlur_px, 1, samples);
-  });
-  if (!done) return fail(std::move(done));
-  const Blur blur = find_blur(sites, images, options);
-  result.blur_px = blur.px;
-  done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
-    fit_site(sites.all[i], images, options, result.blur_px, static_cast<std::size_t>(detail::kMostSteps), samples);
+  const auto blur = find_blur(sites, images, options, progress);
+  if (!blur) return tl::unexpected(blur.error());
+  result.blur_px = blur->px;
+  done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, PieceSamples& samples) {
+    fit_site(sites.all[i], images, options, result.blur_px, detail::kMostSteps, kConverged_px, samples);
   });
   if (!done) return fail(std::move(done));
   std::vector<std::optional<base::EdgePixel>> edges(sites.all.size());
-  done = for_sites(sites.all, options.threads, "classes", progress, [&](std::size_t i, std::vector<ProfileSample>& samples) {
-    edges[i] = edge_of(sites, sites.all[i], input, images, options, blur, samples);
+  done = for_sites(sites.all, options.threads, "classes", progress, [&](std::size_t i, PieceSamples& samples) {
+    edges[i] = edge_of(sites, sites.all[i], input, images, options, *blur, samples);
   });
   if (!done) return fail(std::move(done));
   std::vector<char> stray(edges.size(), 0);
   done = for_sites(sites.all, options.threads, "strays", progress,
-                   [&](std::size_t i, std::vector<ProfileSample>&) { stray[i] = edges[i] && is_stray(sites, edges, i); });
+                   [&](std::size_t i, PieceSamples&) { stray[i] = edges[i] && is_stray(sites, edges, i); });
   if (!done) return fail(std::move(done));
   for (std::size_t i = 0; i < edges.size(); ++i) {
     if (edges[i] && !stray[i]) result.pixels.push_back(*edges[i]);

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
-#include <Eigen/Cholesky>
-
-#include "math/median.h"
+#include "scan/detail/small_factor.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -36,26 +35,34 @@ struct Place {
 };
 
 Trend trend_of(const std::vector<Place>& places) {
+  using Factor = SmallFactor<3>;
   Trend trend;
-  std::vector<char> used(places.size(), 1);
+  double limit = std::numeric_limits<double>::infinity();
+  std::vector<double> off;
   for (int round = 0; round < 3; ++round) {
-    Eigen::Matrix3d normal = 1e-9 * Eigen::Matrix3d::Identity();
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    Factor::Matrix normal = {{{1e-9}, {0.0, 1e-9}, {0.0, 0.0, 1e-9}}};
+    Factor::Vector right = {};
     trend.count = 0;
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      if (!used[i]) continue;
-      const Eigen::Vector3d row(1.0, places[i].t, places[i].s);
-      normal += row * row.transpose();
-      right += places[i].value * row;
+    for (const Place& place : places) {
+      if (round > 0 && std::abs(place.value - trend.value(place.t, place.s)) > limit) continue;
+      normal[0][0] += 1.0;
+      normal[1][0] += place.t;
+      normal[1][1] += place.t * place.t;
+      normal[2][0] += place.s;
+      normal[2][1] += place.s * place.t;
+      normal[2][2] += place.s * place.s;
+      right[0] += place.value;
+      right[1] += place.value * place.t;
+      right[2] += place.value * place.s;
       ++trend.count;
     }
     if (trend.count < 4) return trend;
-    trend.at = normal.ldlt().solve(right);
-    std::vector<double> off;
+    const Factor::Vector solution = Factor(normal, 3).solve(right);
+    trend.at = {solution[0], solution[1], solution[2]};
+    off.clear();
     for (const Place& place : places) off.push_back(std::abs(place.value - trend.value(place.t, place.s)));
-    std::vector<double> sorted = off;
-    trend.rms = 1.4826 * math::median(sorted);
-    for (std::size_t i = 0; i < places.size(); ++i) used[i] = off[i] <= 3.5 * trend.rms + 1e-9;
+    trend.rms = 1.4826 * middle(off);
+    limit = 3.5 * trend.rms + 1e-9;
   }
   return trend;
 }
@@ -82,7 +89,7 @@ Continuation continuation(const base::PhaseMap& map, const base::PhasePlane& pla
   if (trend.count < kLeastPixels) return result;
   result.before = true;
   const double slope = std::hypot(trend.at.y(), trend.at.z());
-  const double sigma = math::median(sigmas);
+  const double sigma = middle(sigmas);
   std::vector<double> off;
   std::size_t seen = 0;
   images.for_each(frame, kHalfWidth_px, beyond_px + kGuard_px, beyond_px + kGuard_px + kDepth_px,
@@ -95,7 +102,7 @@ Continuation continuation(const base::PhaseMap& map, const base::PhasePlane& pla
   if (!result.beyond) return result;
   // Phases extrapolated by as far as they were seen are known four times worse than their mean.
   const double extrapolated = 4.0 * std::max(sigma, trend.rms) / std::sqrt(static_cast<double>(trend.count));
-  result.smooth = std::abs(math::median(off)) <= kSlack_px * slope + kSigmas * extrapolated;
+  result.smooth = std::abs(middle(off)) <= kSlack_px * slope + kSigmas * extrapolated;
   return result;
 }
 
@@ -106,7 +113,7 @@ std::optional<double> depth_about(const std::vector<float>& depth_mm, const Edge
     if (!std::isnan(depth_mm[at])) depths.push_back(depth_mm[at]);
   });
   if (depths.size() < 6) return std::nullopt;
-  return math::median(depths);
+  return middle(depths);
 }
 
 }  // namespace

@@ -2,133 +2,145 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
-#include <Eigen/Cholesky>
-
-#include "math/edge_profile.h"
+#include "scan/detail/small_factor.h"
 
 namespace crosstie::scan::detail {
 namespace {
 
 constexpr int kMaxIterations = 20;
-constexpr double kConverged_px = 1e-3;
 constexpr double kBelowBlack = 0.2;     // how far levels may fall below zero, over the highest
 constexpr double kLeastDistance = 0.8;  // of two steps, in blurs: of nearer ones only height times distance can be told
 
-using Normal = Eigen::Matrix<double, kMostSteps + 1, kMostSteps + 1>;
-using Groups = Eigen::Matrix<double, kMostSteps, kMostSteps>;
-using Column = Eigen::Matrix<double, kMostSteps + 1, 1>;
+using Factor = SmallFactor<kMostSteps + 1>;
+using Places = std::array<double, kMostSteps>;
+using PlaceFactor = SmallFactor<kMostSteps>;
 
 /// The model at given places, from one pass over the samples: levels solved, and what a change of the places would do.
 struct Linear {
-  std::array<Column, kMostEdgeImages> heights;       ///< L_0, L_1 - L_0, ...
-  std::array<double, kMostEdgeImages> squares = {};  ///< of the residuals
-  std::array<Column, kMostEdgeImages> pulls;         ///< d Phi_k / d x_k times the residuals, without its sign
-  Normal projected;                                  ///< products of d Phi_k / d x_k after the levels took their part
+  std::array<Factor::Vector, kMostEdgeImages> heights = {};  ///< L_0, L_1 - L_0, ...
+  std::array<double, kMostEdgeImages> squares = {};          ///< of the residuals
+  std::array<Places, kMostEdgeImages> pulls = {};            ///< d Phi_k / d x_k times the residuals, without its sign
+  PlaceFactor::Matrix projected = {};                        ///< products of d Phi_k / d x_k after the levels took their part
   bool good = false;
 };
 
-Linear solve(std::span<const ProfileSample> samples, std::size_t images, double blur_px, std::span<const double> places) {
+Linear solve(const ProfileSamples& samples, double blur_px, const Places& places, std::size_t k) {
   Linear linear;
-  const auto k = static_cast<Eigen::Index>(places.size());
-  Normal steps = Normal::Zero();   // products of 1, Phi_1, ... with each other
-  Normal cross = Normal::Zero();   // with the slopes
-  Normal slopes = Normal::Zero();  // of the slopes with each other
-  std::array<Column, kMostEdgeImages> by_step, by_slope;
-  by_step.fill(Column::Zero());
-  by_slope.fill(Column::Zero());
-  std::array<double, kMostEdgeImages> own = {};
-  const std::array<double, kMostEdgeImages> origin = samples.front().levels;  // keeps the sums of squares small
-  std::array<double, kMostSteps + 1> g = {1.0};
-  std::array<double, kMostSteps> p = {};
-  const double scale = 1.0 / blur_px;
-  for (const ProfileSample& sample : samples) {
-    for (std::size_t j = 0; j < places.size(); ++j) {
-      const math::EdgeProfile profile = math::edge_profile((sample.across_px - places[j]) * scale);
-      g[j + 1] = profile.distribution;
-      p[j] = profile.density * scale;
-    }
-    for (Eigen::Index a = 0; a <= k; ++a) {
-      for (Eigen::Index b = 0; b <= a; ++b) steps(a, b) += g[static_cast<std::size_t>(a)] * g[static_cast<std::size_t>(b)];
-      for (Eigen::Index b = 0; b < k; ++b) cross(a, b) += g[static_cast<std::size_t>(a)] * p[static_cast<std::size_t>(b)];
-    }
-    for (Eigen::Index a = 0; a < k; ++a) {
-      for (Eigen::Index b = 0; b <= a; ++b) slopes(a, b) += p[static_cast<std::size_t>(a)] * p[static_cast<std::size_t>(b)];
-    }
-    for (std::size_t image = 0; image < images; ++image) {
-      const double level = sample.levels[image] - origin[image];
-      own[image] += level * level;
-      for (Eigen::Index a = 0; a <= k; ++a) by_step[image](a) += g[static_cast<std::size_t>(a)] * level;
-      for (Eigen::Index a = 0; a < k; ++a) by_slope[image](a) += p[static_cast<std::size_t>(a)] * level;
-    }
+  const StepSums sums = sum_steps(samples.for_sums(), blur_px, places.data(), k);
+  Factor::Matrix steps = {};  // products of 1, Phi_1, ... with each other
+  std::array<Factor::Vector, kMostSteps> cross = {};
+  steps[0][0] = static_cast<double>(samples.size());
+  for (std::size_t a = 0; a < k; ++a) {
+    steps[a + 1][0] = sums.step[a];
+    cross[a][0] = sums.slope[a];
+    for (std::size_t b = 0; b <= a; ++b) steps[a + 1][b + 1] = sums.steps[a][b];
+    for (std::size_t b = 0; b < k; ++b) cross[b][a + 1] = sums.cross[a][b];
   }
-  // Unused steps get a unit on the diagonal.
-  for (Eigen::Index a = k + 1; a <= kMostSteps; ++a) steps(a, a) = 1.0;
-  const Normal full = steps.selfadjointView<Eigen::Lower>();
-  const Eigen::LDLT<Normal> factor(full);
-  if (factor.vectorD().minCoeff() < 1e-6) return linear;
-  const Normal slopes_full = slopes.selfadjointView<Eigen::Lower>();
-  linear.projected = slopes_full - cross.transpose() * factor.solve(cross);
-  for (std::size_t image = 0; image < images; ++image) {
-    linear.heights[image] = factor.solve(by_step[image]);
-    linear.squares[image] = std::max(0.0, own[image] - linear.heights[image].dot(by_step[image]));
-    linear.pulls[image] = by_slope[image] - cross.transpose() * linear.heights[image];
-    linear.heights[image](0) += origin[image];
+  const Factor factor(steps, k + 1);
+  if (!factor.pivots_exceed(1e-6)) return linear;
+  const auto product = [&](const Factor::Vector& a, const Factor::Vector& b) {
+    double sum = 0.0;
+    for (std::size_t i = 0; i <= k; ++i) sum += a[i] * b[i];
+    return sum;
+  };
+  for (std::size_t a = 0; a < k; ++a) {
+    const Factor::Vector taken = factor.solve(cross[a]);
+    for (std::size_t b = 0; b <= a; ++b)
+      linear.projected[a][b] = linear.projected[b][a] = sums.slopes[a][b] - product(taken, cross[b]);
+  }
+  for (std::size_t image = 0; image < samples.images(); ++image) {
+    Factor::Vector by_step = {samples.sum(image)};
+    for (std::size_t a = 0; a < k; ++a) by_step[a + 1] = sums.by_step[image][a];
+    linear.heights[image] = factor.solve(by_step);
+    linear.squares[image] = std::max(0.0, samples.squares(image) - product(linear.heights[image], by_step));
+    for (std::size_t a = 0; a < k; ++a)
+      linear.pulls[image][a] = sums.by_slope[image][a] - product(cross[a], linear.heights[image]);
+    linear.heights[image][0] += samples.origin(image);
   }
   linear.good = true;
   return linear;
 }
 
-/// Normal equations of the places with each image's weight.
-void accumulate(const Linear& linear, std::size_t images, const std::array<double, kMostEdgeImages>& weights, Eigen::Index k,
-                Eigen::Matrix3d& normal, Eigen::Vector3d& right) {
-  normal.setZero();
-  right.setZero();
+/// Normal equations of the places.
+struct Equations {
+  PlaceFactor::Matrix normal = {};
+  Places right = {};
+};
+
+/// With each image's weight.
+Equations equations_of(const Linear& linear, std::size_t images, const std::array<double, kMostEdgeImages>& weights,
+                       std::size_t k) {
+  Equations equations;
   for (std::size_t image = 0; image < images; ++image) {
-    const Column& heights = linear.heights[image];
-    for (Eigen::Index a = 0; a < k; ++a) {
-      right(a) -= weights[image] * heights(a + 1) * linear.pulls[image](a);
-      for (Eigen::Index b = 0; b < k; ++b)
-        normal(a, b) += weights[image] * heights(a + 1) * heights(b + 1) * linear.projected(a, b);
+    const Factor::Vector& heights = linear.heights[image];
+    for (std::size_t a = 0; a < k; ++a) {
+      equations.right[a] -= weights[image] * heights[a + 1] * linear.pulls[image][a];
+      for (std::size_t b = 0; b < k; ++b)
+        equations.normal[a][b] += weights[image] * heights[a + 1] * heights[b + 1] * linear.projected[a][b];
     }
   }
-  for (Eigen::Index a = k; a < kMostSteps; ++a) normal(a, a) = 1.0;  // steps that there are not
+  return equations;
 }
 
-/// Steps that are tied move as one: a column for each group.
-Groups groups_of(std::size_t count, const std::array<bool, kMostSteps>& tied) {
-  Groups groups = Groups::Zero();
-  Eigen::Index group = -1;
-  for (std::size_t j = 0; j < count; ++j) {
-    if (!tied[j]) ++group;
-    groups(static_cast<Eigen::Index>(j), group) = 1.0;
-  }
-  for (Eigen::Index j = static_cast<Eigen::Index>(count); j < kMostSteps; ++j) groups(j, ++group) = 1.0;
-  return groups;
-}
+/// The equations of places of which some are tied: those that are move as one.
+class TiedEquations {
+ public:
+  TiedEquations(const PlaceFactor::Matrix& normal, const std::array<bool, kMostSteps>& tied, std::size_t k)
+      : k_(std::min(k, kMostSteps)), group_(groups(tied, k_)), factor_(reduced(normal), group_[k_ - 1] + 1) {}
 
-/// The covariance of places of which some are tied; a zero matrix where they are not determined.
-Eigen::Matrix3d tied_covariance(const Eigen::Matrix3d& normal, const Groups& groups) {
-  Eigen::Matrix3d reduced = groups.transpose() * normal * groups;
-  for (Eigen::Index j = 0; j < kMostSteps; ++j) {
-    if (reduced(j, j) == 0.0) reduced(j, j) = 1.0;  // no such group
+  [[nodiscard]] bool determined() const { return factor_.pivots_exceed(0.0); }
+  [[nodiscard]] Places solve(const Places& right) const {
+    Places sums = {};
+    for (std::size_t j = 0; j < k_; ++j) sums[group_[j]] += right[j];
+    const Places groups = factor_.solve(sums);
+    Places result = {};
+    for (std::size_t j = 0; j < k_; ++j) result[j] = groups[group_[j]];
+    return result;
   }
-  const Eigen::LDLT<Eigen::Matrix3d> factor(reduced);
-  if (!(factor.vectorD().minCoeff() > 0.0)) return Eigen::Matrix3d::Zero();
-  return groups * factor.solve(Eigen::Matrix3d(groups.transpose()));
-}
+  [[nodiscard]] Eigen::Matrix3d covariance() const {
+    Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();
+    for (std::size_t j = 0; j < k_; ++j) {
+      Places unit = {};
+      unit[j] = 1.0;
+      const Places column = solve(unit);
+      for (std::size_t i = 0; i < k_; ++i) cov(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = column[i];
+    }
+    return cov;
+  }
+
+ private:
+  using Groups = std::array<std::size_t, kMostSteps>;
+  static Groups groups(const std::array<bool, kMostSteps>& tied, std::size_t k) {
+    Groups groups = {};
+    for (std::size_t j = 1; j < k; ++j) groups[j] = groups[j - 1] + (tied[j] ? 0 : 1);
+    return groups;
+  }
+  [[nodiscard]] PlaceFactor::Matrix reduced(const PlaceFactor::Matrix& normal) const {
+    PlaceFactor::Matrix matrix = {};
+    for (std::size_t a = 0; a < k_; ++a) {
+      for (std::size_t b = 0; b < k_; ++b) matrix[group_[a]][group_[b]] += normal[a][b];
+    }
+    return matrix;
+  }
+
+  std::size_t k_;
+  Groups group_ = {};
+  PlaceFactor factor_;
+};
 
 /// One step of Gauss and Newton. Steps that would come nearer to each other than `least` are tied at that distance. Returns the largest
 /// move, -1 where the equations have no solution.
-double move_places(const Eigen::Matrix3d& normal, const Eigen::Vector3d& right, double least, double blur_px,
-                   std::vector<double>& places, std::array<bool, kMostSteps>& tied) {
-  const Eigen::Matrix3d cov = tied_covariance(normal, groups_of(places.size(), tied));
-  if (cov.isZero(0.0)) return -1.0;
-  const Eigen::Vector3d change = (cov * right).cwiseMax(-0.7 * blur_px).cwiseMin(0.7 * blur_px);
+double move_places(const Equations& equations, double least, double blur_px, std::size_t k, Places& places,
+                   std::array<bool, kMostSteps>& tied) {
+  const TiedEquations solved(equations.normal, tied, k);
+  if (!solved.determined()) return -1.0;
+  Places change = solved.solve(equations.right);
+  for (double& one : change) one = std::clamp(one, -0.7 * blur_px, 0.7 * blur_px);
   bool collided = false;
-  for (std::size_t j = 1; j < places.size(); ++j) {
-    const double distance =
-        places[j] + change(static_cast<Eigen::Index>(j)) - places[j - 1] - change(static_cast<Eigen::Index>(j) - 1);
+  for (std::size_t j = 1; j < k; ++j) {
+    const double distance = places[j] + change[j] - places[j - 1] - change[j - 1];
     if (tied[j] || distance >= least) continue;
     tied[j] = true;
     collided = true;
@@ -138,49 +150,46 @@ double move_places(const Eigen::Matrix3d& normal, const Eigen::Vector3d& right, 
   }
   if (collided) return 1.0;  // the equations belong to other places now
   double largest = 0.0;
-  for (std::size_t j = 0; j < places.size(); ++j) {
-    places[j] += change(static_cast<Eigen::Index>(j));
-    largest = std::max(largest, std::abs(change(static_cast<Eigen::Index>(j))));
+  for (std::size_t j = 0; j < k; ++j) {
+    places[j] += change[j];
+    largest = std::max(largest, std::abs(change[j]));
   }
   return largest;
 }
 
-}  // namespace
-
-bool fit_steps(std::span<const ProfileSample> samples, std::size_t images,
-               const std::array<double, kMostEdgeImages>& noise_sigma, double blur_px, std::span<const double> start_px,
-               StepProfile& profile) {
-  const std::size_t k = start_px.size();
-  const double freedom = static_cast<double>(samples.size()) - static_cast<double>(k + 2);
-  if (freedom < 8.0) return false;
-  std::vector<double> places(start_px.begin(), start_px.end());
-  std::sort(places.begin(), places.end());
-  double low = 1e9, high = -1e9;
-  for (const ProfileSample& sample : samples) {
-    low = std::min(low, sample.across_px);
-    high = std::max(high, sample.across_px);
-  }
+/// Where the iteration ended.
+struct Solution {
   Linear linear;
-  std::array<double, kMostEdgeImages> weights = {};
-  std::array<double, kMostEdgeImages> squares = {};
-  Eigen::Matrix3d normal;
-  Eigen::Vector3d right;
-  bool converged = false;
-  bool just_tied = false;
-  std::vector<double> before;
-  std::array<bool, kMostSteps> tied = {};  // to the one before
+  Places places = {};
+  std::array<bool, kMostSteps> tied = {};            ///< to the one before
+  std::array<double, kMostEdgeImages> squares = {};  ///< mean squared residual of each image
+  std::array<double, kMostEdgeImages> weights = {};  ///< its inverse, not above the noise's
+};
+
+/// Nothing where it does not converge.
+std::optional<Solution> iterate(const ProfileSamples& samples, const std::array<double, kMostEdgeImages>& noise_sigma,
+                                double blur_px, std::span<const double> start_px, double converged_px) {
+  const std::size_t k = start_px.size();
+  const auto n = static_cast<double>(samples.size());
+  const double freedom = n - static_cast<double>(k + 2);
+  if (freedom < 8.0) return std::nullopt;
   const double least = kLeastDistance * blur_px;
+  Solution solution;
+  Places& places = solution.places;
+  std::copy(start_px.begin(), start_px.end(), places.begin());
+  std::sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(k));
+  Places before = {};
+  bool just_tied = false;
   double likelihood = -1e300;
-  for (int iteration = 0; iteration < kMaxIterations && !converged; ++iteration) {
-    linear = solve(samples, images, blur_px, places);
-    if (!linear.good) return false;
-    for (std::size_t image = 0; image < images; ++image) {
-      squares[image] = linear.squares[image] / freedom;
-      weights[image] = 1.0 / std::max(squares[image], noise_sigma[image] * noise_sigma[image]);
-    }
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    solution.linear = solve(samples, blur_px, places, k);
+    if (!solution.linear.good) return std::nullopt;
     double now = 0.0;
-    for (std::size_t image = 0; image < images; ++image)
-      now += 0.5 * static_cast<double>(samples.size()) * std::log(weights[image]);
+    for (std::size_t image = 0; image < samples.images(); ++image) {
+      solution.squares[image] = solution.linear.squares[image] / freedom;
+      solution.weights[image] = 1.0 / std::max(solution.squares[image], noise_sigma[image] * noise_sigma[image]);
+      now += 0.5 * n * std::log(solution.weights[image]);
+    }
     if (now < likelihood - 1e-6 && !just_tied) {
       // Too far: half way back.
       double largest = 0.0;
@@ -188,104 +197,159 @@ bool fit_steps(std::span<const ProfileSample> samples, std::size_t images,
         places[j] = 0.5 * (places[j] + before[j]);
         largest = std::max(largest, std::abs(places[j] - before[j]));
       }
-      if (largest < kConverged_px) return false;
+      if (largest < converged_px) return std::nullopt;
       continue;
     }
     likelihood = now;
     before = places;
-    const auto tied_before = tied;
-    accumulate(linear, images, weights, static_cast<Eigen::Index>(k), normal, right);
-    const double largest = move_places(normal, right, least, blur_px, places, tied);
-    if (largest < 0.0) return false;
-    just_tied = tied != tied_before;
-    if (!(places.front() > low + 0.5 && places.back() < high - 0.5)) return false;
-    converged = largest < kConverged_px;
+    const auto tied_before = solution.tied;
+    const Equations equations = equations_of(solution.linear, samples.images(), solution.weights, k);
+    const double largest = move_places(equations, least, blur_px, k, places, solution.tied);
+    if (largest < 0.0) return std::nullopt;
+    just_tied = solution.tied != tied_before;
+    if (!(places[0] > samples.low_px() + 0.5 && places[k - 1] < samples.high_px() - 0.5)) return std::nullopt;
+    if (largest < converged_px) return solution;
   }
-  if (!converged) return false;
+  return std::nullopt;
+}
 
+}  // namespace
+
+void ProfileSamples::clear() { size_ = images_ = 0; }
+
+void ProfileSamples::grow() {
+  const std::size_t room = std::max<std::size_t>(256, 2 * size_);
+  across_px_.resize(room);
+  for (auto& levels : levels_) levels.resize(room);
+}
+
+void ProfileSamples::finish(std::size_t images) {
+  images_ = images;
+  low_px_ = 1e9;
+  high_px_ = -1e9;
+  for (std::size_t i = 0; i < size_; ++i) {
+    low_px_ = std::min(low_px_, across_px_[i]);
+    high_px_ = std::max(high_px_, across_px_[i]);
+  }
+  for (std::size_t image = 0; image < images; ++image) {
+    sums_[image] = squares_[image] = 0.0;
+    for (std::size_t i = 0; i < size_; ++i) {
+      sums_[image] += levels_[image][i];
+      squares_[image] += levels_[image][i] * levels_[image][i];
+    }
+  }
+  // Room is a multiple of the lanes.
+  for (std::size_t i = size_; i % kStepLanes != 0; ++i) {
+    across_px_[i] = kBeforeAll_px;
+    for (auto& levels : levels_) levels[i] = 0.0;
+  }
+}
+
+StepSamples ProfileSamples::for_sums() const {
+  const std::size_t padded = (size_ + kStepLanes - 1) / kStepLanes * kStepLanes;
+  return {across_px_.data(), {levels_[0].data(), levels_[1].data(), levels_[2].data()}, padded, images_};
+}
+
+bool fit_steps(const ProfileSamples& samples, const std::array<double, kMostEdgeImages>& noise_sigma, double blur_px,
+               std::span<const double> start_px, double converged_px, StepProfile& profile) {
+  const auto solution = iterate(samples, noise_sigma, blur_px, start_px, converged_px);
+  if (!solution) return false;
+  const std::size_t k = start_px.size();
+  const std::size_t images = samples.images();
+  const Linear& linear = solution->linear;
+  const auto& weights = solution->weights;
   profile = {};
   profile.steps = static_cast<int>(k);
-  std::copy(places.begin(), places.end(), profile.at_px.begin());
-  const Groups groups = groups_of(k, tied);
-  profile.cov_px2 = tied_covariance(normal, groups);
+  profile.at_px = solution->places;
   std::array<double, kMostEdgeImages> noise_weights = {};
   const auto n = static_cast<double>(samples.size());
   double spread = 0.0;
   for (std::size_t image = 0; image < images; ++image) {
     noise_weights[image] = 1.0 / (noise_sigma[image] * noise_sigma[image]);
-    profile.rms[image] = std::sqrt(squares[image]);
+    profile.rms[image] = std::sqrt(solution->squares[image]);
     profile.log_likelihood += 0.5 * n * std::log(weights[image]);
-    const Column& heights = linear.heights[image];
+    const Factor::Vector& heights = linear.heights[image];
     double level = 0.0;
     double highest = 0.0;
     for (std::size_t j = 0; j <= k; ++j) {
-      level += heights(static_cast<Eigen::Index>(j));
+      level += heights[j];
       profile.levels[image][j] = level;
       highest = std::max(highest, level);
       if (level < -kBelowBlack * highest) return false;  // steps that undo each other
     }
     // What this image alone would move the first step by, over its sigma.
-    const double information = weights[image] * heights(1) * heights(1) * linear.projected(0, 0);
-    const double pull = weights[image] * heights(1) * linear.pulls[image](0);
+    const double information = weights[image] * heights[1] * heights[1] * linear.projected[0][0];
+    const double pull = weights[image] * heights[1] * linear.pulls[image][0];
     if (information > 0.0) spread += pull * pull / information;
   }
   if (images > 1) profile.disagreement = spread / static_cast<double>(images - 1);
-  Eigen::Matrix3d noise_normal;
-  accumulate(linear, images, noise_weights, static_cast<Eigen::Index>(k), noise_normal, right);
-  profile.noise_cov_px2 = tied_covariance(noise_normal, groups);
-  if (profile.cov_px2.isZero(0.0) || profile.noise_cov_px2.isZero(0.0)) return false;
-  if (k > 1 && tied[1]) {
-    // The band's true extent lies between nothing and `least`, evenly, about the same middle.
+  const TiedEquations by_scatter(equations_of(linear, images, weights, k).normal, solution->tied, k);
+  const TiedEquations by_noise(equations_of(linear, images, noise_weights, k).normal, solution->tied, k);
+  if (!by_scatter.determined() || !by_noise.determined()) return false;
+  profile.cov_px2 = by_scatter.covariance();
+  profile.noise_cov_px2 = by_noise.covariance();
+  if (k > 1 && solution->tied[1]) {
+    // The band's true extent lies between nothing and the least distance, evenly, about the same middle.
+    const double least = kLeastDistance * blur_px;
     profile.at_px[0] += 0.25 * least;
     profile.band_variance_px2 = least * least / 48.0;
   }
   return true;
 }
 
-std::vector<double> step_candidates(std::span<const ProfileSample> samples, std::size_t images, double from_px, double to_px,
-                                    std::size_t count, double least_sigmas) {
+StepCandidates step_candidates(const ProfileSamples& samples, double from_px, double to_px, std::size_t count,
+                               double least_sigmas) {
   constexpr double kStrip = 0.5;
-  double low = 1e9, high = -1e9;
-  for (const ProfileSample& sample : samples) {
-    low = std::min(low, sample.across_px);
-    high = std::max(high, sample.across_px);
-  }
-  const auto strips = static_cast<std::size_t>(std::max(0.0, (high - low) / kStrip)) + 1;
-  std::vector<double> strength(strips, 0.0);
-  for (std::size_t image = 0; image < images; ++image) {
-    std::vector<double> sums(strips, 0.0), squares(strips, 0.0), counts(strips, 0.0);
-    for (const ProfileSample& sample : samples) {
-      const auto at = std::min(strips - 1, static_cast<std::size_t>((sample.across_px - low) / kStrip));
-      sums[at] += sample.levels[image];
-      squares[at] += sample.levels[image] * sample.levels[image];
-      counts[at] += 1.0;
+  constexpr std::size_t kMostStrips = 128;
+  const double low = samples.low_px();
+  const std::size_t strips =
+      std::min(kMostStrips, static_cast<std::size_t>(std::max(0.0, (samples.high_px() - low) / kStrip)) + 1);
+  using Strips = std::array<double, kMostStrips>;
+  Strips strength = {}, counts = {};
+  std::array<Strips, kMostEdgeImages> sums = {}, squares = {};
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    const auto at = std::min(strips - 1, static_cast<std::size_t>((samples.across_px(k) - low) / kStrip));
+    counts[at] += 1.0;
+    for (std::size_t image = 0; image < samples.images(); ++image) {
+      const double level = samples.level(image, k);
+      sums[image][at] += level;
+      squares[image][at] += level * level;
     }
-    for (std::size_t i = 2; i + 2 < strips; ++i) {
-      // Two strips to each side of a border of strips.
-      const double before = counts[i - 1] + counts[i - 2];
-      const double after = counts[i] + counts[i + 1];
-      if (before < 3.0 || after < 3.0) continue;
-      const double a = (sums[i - 1] + sums[i - 2]) / before;
-      const double b = (sums[i] + sums[i + 1]) / after;
-      const double scatter = squares[i - 1] + squares[i - 2] - before * a * a + squares[i] + squares[i + 1] - after * b * b;
+  }
+  for (std::size_t i = 2; i + 2 < strips; ++i) {
+    // Two strips to each side of a border of strips.
+    const double before = counts[i - 1] + counts[i - 2];
+    const double after = counts[i] + counts[i + 1];
+    if (before < 3.0 || after < 3.0) continue;
+    for (std::size_t image = 0; image < samples.images(); ++image) {
+      const auto& sum = sums[image];
+      const auto& square = squares[image];
+      const double a = (sum[i - 1] + sum[i - 2]) / before;
+      const double b = (sum[i] + sum[i + 1]) / after;
+      const double scatter = square[i - 1] + square[i - 2] - before * a * a + square[i] + square[i + 1] - after * b * b;
       const double variance = std::max(1e-6, scatter / (before + after - 2.0)) * (1.0 / before + 1.0 / after);
       strength[i] += (b - a) * (b - a) / variance;
     }
   }
-  std::vector<std::pair<double, double>> found;
+  // The strongest, in their order; of equal ones the first.
+  StepCandidates found;
+  Places strengths = {};
   for (std::size_t i = 1; i + 1 < strips; ++i) {
     const double at = low + kStrip * static_cast<double>(i);
     if (at < from_px || at > to_px || strength[i] < least_sigmas * least_sigmas) continue;
     if (strength[i] < strength[i - 1] || strength[i] <= strength[i + 1]) continue;
-    found.emplace_back(-strength[i], at);
+    std::size_t rank = found.count;
+    while (rank > 0 && strengths[rank - 1] < strength[i]) --rank;
+    if (rank >= count) continue;
+    found.count = std::min(count, found.count + 1);
+    for (std::size_t j = found.count - 1; j > rank; --j) {
+      strengths[j] = strengths[j - 1];
+      found.at_px[j] = found.at_px[j - 1];
+    }
+    strengths[rank] = strength[i];
+    found.at_px[rank] = at;
   }
-  std::sort(found.begin(), found.end());
-  std::vector<double> places;
-  for (const auto& [order, at] : found) {
-    if (places.size() == count) break;
-    places.push_back(at);
-  }
-  return places;
+  return found;
 }
 
 }  // namespace crosstie::scan::detail

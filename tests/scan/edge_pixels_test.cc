@@ -262,11 +262,12 @@ TEST(StepProfile, IsNotPulledByANeighbouringStep) {
   // A face at 60, a chamfer at 110 from 0 to 2 px, dark beyond: the maximum of the gradient near 0 lies outside of it.
   const double blur = 0.8;
   const auto share = [&](double t) { return 0.5 * std::erfc(-t / blur / std::numbers::sqrt2); };
-  std::vector<detail::ProfileSample> samples;
-  for (double t = -7.0; t <= 7.0; t += 0.1) samples.push_back({t, {60.0 + 50.0 * share(t) - 100.0 * share(t - 2.0)}});
+  detail::ProfileSamples samples;
+  for (double t = -7.0; t <= 7.0; t += 0.1) samples.add(t, {60.0 + 50.0 * share(t) - 100.0 * share(t - 2.0)});
+  samples.finish(1);
   detail::StepProfile fit;
   const std::array<double, 2> start = {-0.4, 2.3};
-  ASSERT_TRUE(detail::fit_steps(samples, 1, {0.5, 0.5, 0.5}, blur, start, fit));
+  ASSERT_TRUE(detail::fit_steps(samples, {0.5, 0.5, 0.5}, blur, start, 1e-3, fit));
   EXPECT_NEAR(fit.at_px[0], 0.0, 1e-6);
   EXPECT_NEAR(fit.at_px[1], 2.0, 1e-6);
   EXPECT_NEAR(fit.levels[0][1], 110.0, 0.02);  // places are iterated to 1e-3 px
