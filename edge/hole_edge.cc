@@ -304,7 +304,6 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   if (!found) return tl::unexpected(found.error());
   const Face& face = found->face;
   std::vector<RimCandidate>& rim = found->rim;
-  detail::unbend(face, detail::curvature_of(rim, face), rim);
   std::erase_if(rim, [&](const RimCandidate& candidate) { return !in_arc(options, candidate.angle_rad); });
   auto cells = detail::cells_of(rim, face, options.cell_mm);
   if (!cells) {

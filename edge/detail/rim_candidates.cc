@@ -67,14 +67,6 @@ std::optional<RimCandidate> candidate(CameraView& view, const base::EdgePixel& e
   result.band_mm = edge.band_px * scale;
   result.piece_mm = piece_px * (*right - *left).norm() / (2.0 * kStep_px);
   const double z = at->z();
-  // Depths that bend by h along the normal have inverses larger by h / (z^2 |n . r|); of the plane that follows them.
-  const Eigen::Vector3d unit_depth = *ray / ray->z();
-  const double facing = std::max(0.1, std::abs(here.normal.dot(unit_depth)));
-  const double along_scale = (*right - *left).norm() / (2.0 * kStep_px);
-  const Eigen::Vector3d scales(scale * scale, scale * along_scale, along_scale * along_scale);
-  const Eigen::Matrix3d planes = surface->bend * scales.asDiagonal() / (z * z * facing);
-  result.bend_mm = -z * z * unit_depth * (unit_depth.transpose() * planes);
-  result.bend_turn = -(Eigen::Matrix3d::Identity() - here.normal * here.normal.transpose()) * planes / surface->plane.norm();
   result.surface_sigma_mm = surface->sigma * z * z * std::abs(result.normal.dot(*ray / ray->z()));
   return result;
 }
@@ -116,8 +108,6 @@ StationCandidates candidates_of(const StationView& view, int station, const Hole
       found->normal = turn * found->normal;
       found->out = turn * found->out;
       found->ray = turn * found->ray;
-      found->bend_mm = turn * found->bend_mm;
-      found->bend_turn = turn * found->bend_turn;
       if (edge.kind == base::EdgeClass::kShadow) {
         ++counts.shadow;
         result.shadows.push_back(*found);

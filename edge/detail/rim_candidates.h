@@ -25,10 +25,6 @@ struct RimCandidate {
   double piece_mm = 0.0;   ///< length of edge behind it
   double angle_rad = 0.0;  ///< in the left image about the middle of the region
   Eigen::Vector3d point_in_rig_mm = Eigen::Vector3d::Zero();
-  /// What a surface that bends has put into point_mm and normal, since a plane was fitted before the edge: by its curvatures in the plane of
-  /// `out` (o) and the edge (a), oo, oa, aa [1/mm], positive where it is hollow as seen from the camera.
-  Eigen::Matrix3d bend_mm = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d bend_turn = Eigen::Matrix3d::Zero();
 };
 
 /// The edge pixels of one station as points; `passed` are points of edges that are no material edges, to tell why there are gaps.
@@ -50,13 +46,6 @@ struct Face {
   [[nodiscard]] double off_mm(const Eigen::Vector3d& point_mm) const;
   [[nodiscard]] Eigen::Vector3d normal_at(const Eigen::Vector3d& point_mm) const;
 };
-
-/// Second derivatives of the height about a hole (Face::axes, 1/mm), from the directions of the surfaces before its edges: a rim's own heights
-/// do not tell them apart, on an ellipse x^2 and y^2 go together. Robust.
-[[nodiscard]] Eigen::Matrix2d curvature_of(const std::vector<RimCandidate>& candidates, const Face& face);
-
-/// Takes what that curvature has put into their points and normals out of candidates.
-void unbend(const Face& face, const Eigen::Matrix2d& curvature, std::vector<RimCandidate>& candidates);
 
 /// The nearest surface on which many of the candidates lie.
 base::Result<Face> find_face(const std::vector<RimCandidate>& candidates, double max_off_mm);

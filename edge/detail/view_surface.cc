@@ -23,8 +23,7 @@ constexpr double kCurved = 12.0;  // of chi-square with one degree of freedom: a
 struct Depth {
   Eigen::Vector4d row;  // 1, X/Z, Y/Z, q^2
   double inverse = 0.0;
-  double sigma = 0.0;    // of the inverse
-  Eigen::Vector3d bent;  // q^2 / 2, -q s, s^2 / 2
+  double sigma = 0.0;  // of the inverse
 };
 
 struct Fit {
@@ -33,7 +32,6 @@ struct Fit {
   double factor = 1.0;                                  // residuals over sigmas
   double squares = 0.0;                                 // weighted
   int count = 0;
-  Eigen::Matrix<double, 4, 3> bend = Eigen::Matrix<double, 4, 3>::Zero();  // of the unknowns, by Depth::bent
 };
 
 Fit fit(const std::vector<Depth>& depths, int unknowns) {
@@ -68,12 +66,6 @@ Fit fit(const std::vector<Depth>& depths, int unknowns) {
     }
     result.factor = std::sqrt(result.squares / std::max(1.0, sum - unknowns));
   }
-  for (std::size_t i = 0; i < depths.size(); ++i) {
-    Eigen::Vector4d row = depths[i].row;
-    for (int j = unknowns; j < 4; ++j) row(j) = 0.0;
-    result.bend += weights[i] / (depths[i].sigma * depths[i].sigma) * row * depths[i].bent.transpose();
-  }
-  result.bend = (result.cofactors * result.bend).eval();
   return result;
 }
 
@@ -144,8 +136,7 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
       const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
       const Eigen::Vector2d d = Eigen::Vector2d(x, y) - at_px;
       const double q = -out.dot(d);
-      const double s = along.dot(d);
-      if (q < guard_px || q > reach_px || std::abs(s) > half) continue;
+      if (q < guard_px || q > reach_px || std::abs(along.dot(d)) > half) continue;
       const double z = view.depth(at);
       if (q < guard_px + kBegin_px) {
         ++seen_first;
@@ -155,8 +146,7 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
       const Eigen::Vector2f tangent = view.tangent(x, y);
       if (!tangent.allFinite()) continue;
       const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)));
-      depths.push_back(
-          {{1.0, tangent.x(), tangent.y(), q * q}, 1.0 / z, sigma_z / (z * z), {0.5 * q * q, -q * s, 0.5 * s * s}});
+      depths.push_back({{1.0, tangent.x(), tangent.y(), q * q}, 1.0 / z, sigma_z / (z * z)});
     }
   }
   if (depths.size() < kLeastDepths || known_first < kBeginShare * seen_first) return std::nullopt;
@@ -176,7 +166,6 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
   surface.plane = Eigen::Vector3d(chosen.at(1), chosen.at(2), chosen.at(0));
   surface.normal = -surface.plane.normalized();
   surface.count = chosen.count;
-  surface.bend << chosen.bend.middleRows<2>(1), chosen.bend.row(0);
   const double z = 1.0 / surface.inverse_depth;
   surface.rms_mm = chosen.factor * math::median([&] {
                      std::vector<double> sigmas;

@@ -46,8 +46,6 @@ struct LocalSurface {
   double sigma = 0.0;                                ///< of it
   double rms_mm = 0.0;                               ///< of the depths about the surface
   int count = 0;
-  /// What depths that bend add to `plane`: for inverse depths that hold q^2 / 2, -q s and s^2 / 2 besides (s along the edge, px^2).
-  Eigen::Matrix3d bend = Eigen::Matrix3d::Zero();
 };
 
 /// The surface on the material side (against `out`) of an edge at `at_px`; nothing where too few depths lie there. Robust: Tukey's weights.
