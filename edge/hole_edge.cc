@@ -14,6 +14,7 @@
 #include "edge/detail/rim_line.h"
 #include "edge/detail/rim_search.h"
 #include "math/covariance_root.h"
+#include "math/distributions.h"
 #include "math/head_point.h"
 
 namespace crosstie::edge {
@@ -69,13 +70,17 @@ struct Cell {
   double disagreement = 1.0;
 };
 
+/// Variance of the mean of edge pixels over an extent, each of which averages a piece of edge itself: with white noise along the edge, over that of
+/// one pixel. `pieces` is the extent in pieces.
+double share_of_variance(double pieces) { return pieces < 1.0 ? 1.0 - pieces / 3.0 : (1.0 - 1.0 / (3.0 * pieces)) / pieces; }
+
 std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, const RimLine& line) {
   std::map<std::pair<int, int>, std::vector<const RimCandidate*>> groups;
   for (const RimCandidate* member : members) groups[{member->station, member->camera}].push_back(member);
   std::vector<Voice> voices;
   for (const auto& [who, group] : groups) {
     Voice voice{who.first, who.second, static_cast<int>(group.size())};
-    double weights = 0.0, variance = 0.0, extent_low = 1e300, extent_high = -1e300, piece = 0.0;
+    double weights = 0.0, variance = 0.0, extent_low = 1e300, extent_high = -1e300, piece = 0.0, surface_piece = 0.0;
     for (const RimCandidate* member : group) {
       const double weight = 1.0 / (member->sigma_mm * member->sigma_mm);
       weights += weight;
@@ -92,18 +97,23 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
       extent_low = std::min(extent_low, along);
       extent_high = std::max(extent_high, along);
       piece += weight * member->piece_mm;
+      surface_piece += weight * member->surface_piece_mm;
     }
-    for (double* value : {&voice.off_mm, &voice.surface_sigma_mm, &voice.lean, &voice.band_mm, &piece}) *value /= weights;
+    for (double* value : {&voice.off_mm, &voice.surface_sigma_mm, &voice.lean, &voice.band_mm, &piece, &surface_piece})
+      *value /= weights;
     voice.point_mm /= weights;
     voice.point_in_rig_mm /= weights;
     voice.normal.normalize();
-    // Pixels of one piece of edge are one measurement.
-    const double pieces = std::max(1.0, (extent_high - extent_low) / piece);
-    voice.sigma_mm = std::sqrt(variance / weights / pieces);
+    // The mean of points on a curve lies on its inner side.
+    voice.point_mm += (voice.off_mm - line.off_mm(voice.point_mm)) * line.across;
+    voice.surface_sigma_mm *= std::sqrt(share_of_variance((extent_high - extent_low) / surface_piece));
+    voice.sigma_mm = std::sqrt(variance / weights * share_of_variance((extent_high - extent_low) / piece));
     voices.push_back(voice);
   }
   return voices;
 }
+
+constexpr double kChance = 0.999;
 
 /// Cameras and stations together; those that contradict the others and the neighbours go.
 Cell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, HoleEdge::Counts& counts) {
@@ -125,20 +135,25 @@ Cell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, HoleEdge
   }
   Cell cell;
   double weights = 0.0;
+  std::map<int, double> by_station;
   for (const Voice& voice : voices) {
     const double weight = 1.0 / (voice.sigma_mm * voice.sigma_mm);
     weights += weight;
     cell.point_mm += weight * voice.point_mm;
     cell.normal += weight * voice.normal;
     cell.off_mm += weight * voice.off_mm;
-    cell.surface_sigma_mm += weight * voice.surface_sigma_mm;
+    by_station[voice.station] += weight * voice.surface_sigma_mm;
     cell.lean += weight * voice.lean;
   }
   cell.point_mm /= weights;
-  for (double* value : {&cell.off_mm, &cell.surface_sigma_mm, &cell.lean}) *value /= weights;
+  for (double* value : {&cell.off_mm, &cell.lean}) *value /= weights;
+  // The cameras of a station stand on the same depths, stations on their own.
+  for (const auto& [station, sigma] : by_station) cell.surface_sigma_mm = std::hypot(cell.surface_sigma_mm, sigma / weights);
   double squares = 0.0;
   for (const Voice& voice : voices) squares += std::pow((voice.off_mm - cell.off_mm) / voice.sigma_mm, 2);
-  if (voices.size() > 1) cell.disagreement = std::max(1.0, squares / static_cast<double>(voices.size() - 1));
+  const double freedom = static_cast<double>(voices.size()) - 1.0;
+  // Only where chance does not explain it: else sigmas would grow on average.
+  if (freedom > 0.0 && squares > math::chi_square_quantile(kChance, freedom)) cell.disagreement = squares / freedom;
   cell.sigma_mm = std::sqrt(cell.disagreement / weights);
   // Of the surfaces themselves: a rim says little of the slopes of the face that it lies in.
   cell.normal.normalize();
@@ -238,7 +253,10 @@ double roughness(const std::vector<Cell>& cells, double reach_mm, std::vector<do
   if (ratios.size() < kLeast) return 1.0;
   const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
   std::nth_element(ratios.begin(), middle, ratios.end());
-  return std::max(1.0, std::sqrt(*middle / kMedianOfSquare));
+  // The median of so many varies by chance; what it may be without roughness is not counted as such.
+  constexpr double kOfMedian = 1.17;  // sigma of a scale from the median of n absolute values, times sqrt(n)
+  const double factor = std::sqrt(*middle / kMedianOfSquare);
+  return factor > 1.0 + 3.0 * kOfMedian / std::sqrt(static_cast<double>(ratios.size())) ? factor : 1.0;
 }
 
 /// Why there is nothing between two places of the rim.

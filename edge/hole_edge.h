@@ -98,7 +98,8 @@ struct HoleEdge {
     std::int64_t inwards = 0;     ///< material on the wrong side: outer contours
     std::int64_t masked = 0;
     std::int64_t stray = 0;  ///< off the line of their neighbours
-    std::int64_t inner = 0;  ///< the far side of a chamfer or lip, whose near side neighbours show
+    std::int64_t inner =
+        0;  ///< the far side of a chamfer, lip or thick wall, whose near side the same camera or neighbours show
   } counts;
   /// Scatter of the points about the smooth line through their neighbours over what their sigmas say: the rim's own roughness shows here.
   /// Sigmas across the rim were multiplied by it where above 1.

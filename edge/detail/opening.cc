@@ -13,8 +13,8 @@ namespace crosstie::edge::detail {
 namespace {
 
 constexpr std::size_t kDirections = 72;
-constexpr int kGrid = 48;                 // places over the longer side of what the edges span
-constexpr std::size_t kMostEdges = 4000;  // that the grid looks at
+constexpr int kGrid = 32;                 // places over the longer side of what the edges span
+constexpr std::size_t kMostEdges = 1500;  // that the grid looks at
 constexpr double kFacing =
     0.5;  // cosine between an edge's way out and the way to the middle: ovals as long as thrice their width
 constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
@@ -60,6 +60,19 @@ Firsts first_edges(const std::vector<FlatEdge>& edges, const Eigen::Vector2d& mi
   return firsts;
 }
 
+/// How far the rim is in a direction as its neighbours tell; nothing where they do not show it.
+constexpr std::size_t kBeside = 2;
+using Distances = std::array<std::optional<double>, kDirections>;
+
+std::vector<double> distances_beside(const Distances& distances, std::size_t direction) {
+  std::vector<double> beside;
+  for (std::size_t j = 0; j <= 2 * kBeside; ++j) {
+    const auto& there = distances[(direction + kDirections + j - kBeside) % kDirections];
+    if (there) beside.push_back(*there);
+  }
+  return beside;
+}
+
 /// Those with material beyond; `against` counts the others, which speak against an opening here.
 Opening opening_at(const std::vector<FlatEdge>& edges, const Eigen::Vector2d& middle, std::size_t every, int& against) {
   Opening opening;
@@ -73,7 +86,21 @@ Opening opening_at(const std::vector<FlatEdge>& edges, const Eigen::Vector2d& mi
     else
       ++against;
   }
-  opening.support = static_cast<double>(opening.rim.size()) / static_cast<double>(kDirections);
+  // A rim goes on from one direction to the next; edges that lie about by chance do not.
+  constexpr double kLikeNeighbours = 0.15;
+  Distances distances;
+  for (const std::size_t i : opening.rim) {
+    const Eigen::Vector2d way = edges[i].at_mm - middle;
+    distances[direction_of(way)] = way.norm();
+  }
+  int connected = 0;
+  for (std::size_t i = 0; i < kDirections; ++i) {
+    const std::vector<double> beside = distances_beside(distances, i);
+    if (!distances[i] || beside.size() <= kBeside) continue;
+    const double expected = math::median(beside);
+    if (std::abs(*distances[i] - expected) <= kLikeNeighbours * expected) ++connected;
+  }
+  opening.support = static_cast<double>(connected) / static_cast<double>(kDirections);
   return opening;
 }
 
@@ -157,9 +184,8 @@ std::vector<Opening> find_openings(const std::vector<FlatEdge>& edges, std::size
 }
 
 std::vector<std::size_t> rim_edges(const std::vector<FlatEdge>& edges, const Opening& opening, double slack_mm) {
-  constexpr std::size_t kBeside = 2;
   // How far the rim is in each direction, single strays left out: the median of a direction and its neighbours.
-  std::array<std::optional<double>, kDirections> far;
+  Distances far;
   for (const std::size_t i : opening.rim) {
     const Eigen::Vector2d way = edges[i].at_mm - opening.middle_mm;
     far[direction_of(way)] = way.norm();
@@ -169,11 +195,7 @@ std::vector<std::size_t> rim_edges(const std::vector<FlatEdge>& edges, const Ope
   };
   std::array<Reach, kDirections> reaches;
   for (std::size_t i = 0; i < kDirections; ++i) {
-    std::vector<double> beside;
-    for (std::size_t j = 0; j <= 2 * kBeside; ++j) {
-      const auto& there = far[(i + kDirections + j - kBeside) % kDirections];
-      if (there) beside.push_back(*there);
-    }
+    const std::vector<double> beside = distances_beside(far, i);
     if (beside.empty()) continue;
     const double middle = math::median(beside);
     // The rim of an oval goes away from the middle within a direction as it does between directions.

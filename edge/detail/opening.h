@@ -16,7 +16,8 @@ struct FlatEdge {
 /// An opening that is seen whole from its middle: whichever way one looks from there, the first edge is its rim.
 struct Opening {
   Eigen::Vector2d middle_mm = Eigen::Vector2d::Zero();
-  double support = 0.0;          ///< share of the directions whose first edge has its material beyond: 1 of a closed rim
+  double support =
+      0.0;  ///< share of the directions whose first edge has its material beyond and lies as far as its neighbours': 1 of a closed rim
   std::vector<std::size_t> rim;  ///< indices of these first edges, one for each direction that has one
 };
 

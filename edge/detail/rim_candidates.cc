@@ -66,6 +66,7 @@ std::optional<RimCandidate> candidate(CameraView& view, const base::EdgePixel& e
   result.sigma_mm = edge.sigma_px * scale;
   result.band_mm = edge.band_px * scale;
   result.piece_mm = piece_px * (*right - *left).norm() / (2.0 * kStep_px);
+  result.surface_piece_mm = result.piece_mm / piece_px * surface->piece_px;
   const double z = at->z();
   result.surface_sigma_mm = surface->sigma * z * z * std::abs(result.normal.dot(*ray / ray->z()));
   return result;

@@ -22,8 +22,9 @@ struct RimCandidate {
   double sigma_mm = 0.0;                               ///< across the edge, of the image
   double surface_sigma_mm = 0.0;                       ///< of the surface, along its normal
   double band_mm = 0.0;
-  double piece_mm = 0.0;   ///< length of edge behind it
-  double angle_rad = 0.0;  ///< in the left image about the middle of the region
+  double piece_mm = 0.0;          ///< length of edge behind it
+  double surface_piece_mm = 0.0;  ///< length of edge behind the surface's sigma
+  double angle_rad = 0.0;         ///< in the left image about the middle of the region
   Eigen::Vector3d point_in_rig_mm = Eigen::Vector3d::Zero();
 };
 

@@ -77,7 +77,7 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
       const Eigen::Vector3d d = member.point_mm - cell.middle_mm;
       const double a = cell.along.dot(d);
       if (a < *first || a > *last) continue;
-      marked[i].inner[m] = cell.across.dot(d) - line.x() - line.y() * a - line.z() * a * a > least;
+      if (cell.across.dot(d) - line.x() - line.y() * a - line.z() * a * a > least) marked[i].inner[m] = 1;
     }
   }
 }

@@ -47,6 +47,33 @@ std::vector<RimCandidate> on_face(const std::vector<RimCandidate>& candidates, c
   return kept;
 }
 
+/// Without those before which another edge of the same camera lies, nearer to the material: of a thick wall's far rim, seen through the hole, some
+/// lie so near to the rim that its face is carried on to them.
+std::vector<RimCandidate> without_far_rim(const std::vector<RimCandidate>& candidates, HoleEdge::Counts& counts,
+                                          LostEdges& lost) {
+  // In pieces of edge, some ten pixels long.
+  constexpr double kAlong = 0.5;
+  constexpr double kLeast = 0.15;  // noise along one edge stays below
+  constexpr double kMost = 0.6;    // the face is not carried farther
+  std::vector<RimCandidate> kept;
+  for (const RimCandidate& one : candidates) {
+    const bool far = std::any_of(candidates.begin(), candidates.end(), [&](const RimCandidate& other) {
+      if (other.station != one.station || other.camera != one.camera) return false;
+      const Eigen::Vector3d d = one.point_mm - other.point_mm;
+      const double across = one.out.dot(d);
+      if (!(across > kLeast * one.piece_mm && across < kMost * one.piece_mm) || other.out.dot(one.out) < 0.8) return false;
+      return (d - across * one.out).norm() < kAlong * one.piece_mm;
+    });
+    if (!far) {
+      kept.push_back(one);
+      continue;
+    }
+    ++counts.inner;
+    lost.emplace_back(one.point_mm, "only the far side of the wall was seen");
+  }
+  return kept;
+}
+
 /// Edges as they lie in the plane of two axes.
 std::vector<FlatEdge> flattened(const std::vector<RimCandidate>& candidates, const Eigen::Vector3d& origin_mm,
                                 const Eigen::Matrix<double, 3, 2>& axes) {
@@ -64,7 +91,7 @@ Result<FoundRim> rim_among(const std::vector<RimCandidate>& candidates, const Ho
   if (!face) return tl::unexpected(face.error());
   FoundRim found;
   found.face = *face;
-  const std::vector<RimCandidate> kept = on_face(candidates, *face, options, counts, lost);
+  const auto kept = without_far_rim(on_face(candidates, *face, options, counts, lost), counts, lost);
   const auto edges = flattened(kept, face->origin_mm, face->axes.leftCols<2>());
   const auto openings = find_openings(edges, 1);
   if (openings.empty()) return fail(ErrorCode::kNoUniqueSolution, "no edge of the face in the region has a hole beside it");

@@ -14,57 +14,57 @@ namespace {
 
 constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
 constexpr int kLeastDepths = 40;
-constexpr double kBegin_px = 4.0;     // beyond the guard: there the surface must have begun, or the edge is not its own
-constexpr double kBeginShare = 0.25;  // of the pixels there
+constexpr double kBegin_px = 2.0;    // beyond the guard: there the surface must have begun, or the edge is not its own
+constexpr double kBeginShare = 0.5;  // of the pixels there
+constexpr double kHalfWidth = 0.6;   // along the edge, of the reach across it
 constexpr int kRounds = 6;
 constexpr double kTukey = 4.7;
-constexpr double kCurved = 12.0;  // of chi-square with one degree of freedom: a curvature that is there
+
+constexpr int kTerms = 6;
+using Row = Eigen::Matrix<double, kTerms, 1>;  // 1, X/Z, Y/Z, q^2, q s, s^2
+using Square = Eigen::Matrix<double, kTerms, kTerms>;
 
 struct Depth {
-  Eigen::Vector4d row;  // 1, X/Z, Y/Z, q^2
+  Row row;
   double inverse = 0.0;
   double sigma = 0.0;  // of the inverse
 };
 
 struct Fit {
-  Eigen::Vector4d at = Eigen::Vector4d::Zero();
-  Eigen::Matrix4d cofactors = Eigen::Matrix4d::Zero();  // of unit weight
-  double factor = 1.0;                                  // residuals over sigmas
-  double squares = 0.0;                                 // weighted
+  Row at = Row::Zero();
+  Square cofactors = Square::Zero();  // of unit weight
+  double factor = 1.0;                // residuals over sigmas
   int count = 0;
 };
 
-Fit fit(const std::vector<Depth>& depths, int unknowns) {
+Fit fit(const std::vector<Depth>& depths) {
   Fit result;
   std::vector<double> weights(depths.size(), 1.0);
   for (int round = 0; round < kRounds; ++round) {
-    Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
-    Eigen::Vector4d right = Eigen::Vector4d::Zero();
-    for (int j = unknowns; j < 4; ++j) normal(j, j) = 1.0;
+    Square normal = Square::Zero();
+    Row right = Row::Zero();
     for (std::size_t i = 0; i < depths.size(); ++i) {
-      Eigen::Vector4d row = depths[i].row / depths[i].sigma;
-      for (int j = unknowns; j < 4; ++j) row(j) = 0.0;
+      const Row row = depths[i].row / depths[i].sigma;
       normal += weights[i] * row * row.transpose();
       right += weights[i] * depths[i].inverse / depths[i].sigma * row;
     }
-    const Eigen::LDLT<Eigen::Matrix4d> factor(normal);
+    const Eigen::LDLT<Square> factor(normal);
     result.at = factor.solve(right);
-    result.cofactors = factor.solve(Eigen::Matrix4d::Identity());
+    result.cofactors = factor.solve(Square::Identity());
     std::vector<double> off(depths.size());
     for (std::size_t i = 0; i < depths.size(); ++i)
       off[i] = std::abs(depths[i].inverse - depths[i].row.dot(result.at)) / depths[i].sigma;
     const double scale = std::max(1.0, 1.4826 * math::median(off)) * kTukey;
-    result.squares = 0.0;
-    double sum = 0.0;
+    double squares = 0.0, sum = 0.0;
     result.count = 0;
     for (std::size_t i = 0; i < depths.size(); ++i) {
       const double ratio = off[i] / scale;
       weights[i] = ratio < 1.0 ? std::pow(1.0 - ratio * ratio, 2) : 0.0;
-      result.squares += weights[i] * off[i] * off[i];
+      squares += weights[i] * off[i] * off[i];
       sum += weights[i];
       if (ratio < 0.6) ++result.count;
     }
-    result.factor = std::sqrt(result.squares / std::max(1.0, sum - unknowns));
+    result.factor = std::sqrt(squares / std::max(1.0, sum - kTerms));
   }
   return result;
 }
@@ -77,6 +77,11 @@ CameraView::CameraView(const base::Camera& camera, std::vector<float> depth_mm, 
       sigma_mm_(std::move(sigma_mm)),
       tangents_(depth_mm_.size(), Eigen::Vector2f::Constant(kNowhere)),
       known_(depth_mm_.size(), 0) {}
+
+void CameraView::set_tangents(std::vector<Eigen::Vector2f> tangents) {
+  tangents_ = std::move(tangents);
+  known_.assign(tangents_.size(), 1);
+}
 
 Eigen::Vector2f CameraView::tangent(int x, int y) {
   const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(width()) + static_cast<std::size_t>(x);
@@ -94,6 +99,7 @@ CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm
   const auto w = static_cast<std::size_t>(width);
   std::vector<float> depth(w * static_cast<std::size_t>(height), kNowhere);
   std::vector<float> sigma(depth.size(), kNowhere);
+  std::vector<Eigen::Vector2f> tangents(depth.size(), Eigen::Vector2f::Constant(kNowhere));
   CameraView left(head.left, depth_mm, sigma_mm);
   const auto bound = [](double value, int size) { return static_cast<int>(std::clamp(value, 0.0, size - 1.0)); };
   for (int y = bound(roi_px[1], left.height()); y <= bound(roi_px[3], left.height()); ++y) {
@@ -111,18 +117,20 @@ CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm
       if (column < 0 || row < 0 || column >= width || row >= height) continue;
       const auto there = static_cast<std::size_t>(row) * w + static_cast<std::size_t>(column);
       if (depth[there] <= static_cast<float>(point.z())) continue;
-      // At the pixel's own ray, not the point's: the fit over many of them takes the half pixels out.
       depth[there] = static_cast<float>(point.z());
       sigma[there] = sigma_mm[at];
+      tangents[there] = (point.head<2>() / point.z()).cast<float>();
     }
   }
-  return {head.right, std::move(depth), std::move(sigma)};
+  CameraView view(head.right, std::move(depth), std::move(sigma));
+  view.set_tangents(std::move(tangents));
+  return view;
 }
 
 std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
                                            double guard_px, double reach_px) {
   const Eigen::Vector2d along(-out.y(), out.x());
-  const double half = 0.6 * reach_px;
+  const double half = kHalfWidth * reach_px;
   const Eigen::Vector2d middle = at_px - 0.5 * (guard_px + reach_px) * out;
   const double radius = std::hypot(0.5 * (reach_px - guard_px), half) + 1.0;
   const int x0 = std::max(0, static_cast<int>(middle.x() - radius));
@@ -145,27 +153,27 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
       if (std::isnan(z)) continue;
       const Eigen::Vector2f tangent = view.tangent(x, y);
       if (!tangent.allFinite()) continue;
-      const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)));
-      depths.push_back({{1.0, tangent.x(), tangent.y(), q * q}, 1.0 / z, sigma_z / (z * z)});
+      const double along_ray = std::sqrt(1.0 + static_cast<double>(tangent.squaredNorm()));  // distance over depth
+      const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)) / along_ray);
+      const double s = along.dot(d);
+      depths.push_back({(Row() << 1.0, tangent.x(), tangent.y(), q * q, q * s, s * s).finished(), 1.0 / z, sigma_z / (z * z)});
     }
   }
   if (depths.size() < kLeastDepths || known_first < kBeginShare * seen_first) return std::nullopt;
   const auto ray = view.camera().unproject(at_px);
   if (!ray) return std::nullopt;
-  const Fit flat = fit(depths, 3);
-  const Fit bent = fit(depths, 4);
-  // Noise of neighbouring depths goes together where they were filtered; then curvatures seem more significant than they are.
-  const bool curved = flat.squares - bent.squares > kCurved * std::max(1.0, bent.factor * bent.factor);
-  const Fit& chosen = curved ? bent : flat;
+  const Fit chosen = fit(depths);
   if (chosen.count < kLeastDepths) return std::nullopt;
   LocalSurface surface;
-  const Eigen::Vector4d here(1.0, ray->x() / ray->z(), ray->y() / ray->z(), 0.0);
+  const Row here = (Row() << 1.0, ray->x() / ray->z(), ray->y() / ray->z(), 0.0, 0.0, 0.0).finished();
   surface.inverse_depth = here.dot(chosen.at);
   if (!(surface.inverse_depth > 0.0)) return std::nullopt;
   surface.sigma = std::sqrt(here.dot(chosen.cofactors * here)) * std::max(1.0, chosen.factor);
   surface.plane = Eigen::Vector3d(chosen.at(1), chosen.at(2), chosen.at(0));
   surface.normal = -surface.plane.normalized();
   surface.count = chosen.count;
+  // The value of a parabola in its middle has 9 / 4 of the variance of a mean: as if from 4 / 9 of its length.
+  surface.piece_px = 4.0 / 9.0 * 2.0 * half;
   const double z = 1.0 / surface.inverse_depth;
   surface.rms_mm = chosen.factor * math::median([&] {
                      std::vector<double> sigmas;

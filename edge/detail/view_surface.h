@@ -23,6 +23,8 @@ class CameraView {
   [[nodiscard]] float sigma(std::size_t at) const { return sigma_mm_[at]; }
   /// X/Z, Y/Z of a pixel's ray; computed once. Not a number outside of the lens model's domain.
   [[nodiscard]] Eigen::Vector2f tangent(int x, int y);
+  /// Of points that lie beside the rays of their pixels.
+  void set_tangents(std::vector<Eigen::Vector2f> tangents);
 
  private:
   const base::Camera* camera_;
@@ -37,8 +39,9 @@ class CameraView {
 CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm, const std::vector<float>& sigma_mm,
                       const std::array<double, 4>& roi_px);
 
-/// A surface near an edge in a camera's frame, as inverse depth over the image: 1/z = a + b X/Z + c Y/Z + d q^2, exact for a plane (d = 0); q is
-/// the distance across the edge [px].
+/// A surface near an edge in a camera's frame, as inverse depth over the image: 1/z = a + b X/Z + c Y/Z + d q^2 + e q s + f s^2, exact for a
+/// plane; q and s are the distances across and along the edge [px]. The curvatures are always estimated: left out where noise hides them, they would
+/// move the surface at the edge by more than its sigma.
 struct LocalSurface {
   Eigen::Vector3d plane = Eigen::Vector3d::Zero();   ///< b, c, a: 1 = plane . (X, Y, Z), across the normal
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< unit, towards the camera
@@ -46,6 +49,7 @@ struct LocalSurface {
   double sigma = 0.0;                                ///< of it
   double rms_mm = 0.0;                               ///< of the depths about the surface
   int count = 0;
+  double piece_px = 0.0;  ///< along the edge: surfaces of edges as far from each other hardly share depths
 };
 
 /// The surface on the material side (against `out`) of an edge at `at_px`; nothing where too few depths lie there. Robust: Tukey's weights.
