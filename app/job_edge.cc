@@ -261,9 +261,10 @@ Result<Found> find(const JobEdgeTask& task, const NominalInput& input, const bas
   if (curve && !after_edge) {
     // Far enough for the path to say by how much a hole is off that it will not follow.
     constexpr double kReachOfCorrection = 3.0;
+    constexpr double kLeastReach_mm = 15.0;
     if (const auto place = placed(input, *curve, found.part, stitching.frame))
-      options.expected =
-          edge::ExpectedRim{place->curve, place->frame_from_hole, kReachOfCorrection * job.path.max_correction_mm};
+      options.expected = edge::ExpectedRim{place->curve, place->frame_from_hole,
+                                           std::max(kLeastReach_mm, kReachOfCorrection * job.path.max_correction_mm)};
   }
   auto hole = edge::find_hole_edge(views.stations, options, views.shared, session.progress());
   if (!hole) return fail(std::move(hole));
@@ -297,7 +298,14 @@ Result<Found> find(const JobEdgeTask& task, const NominalInput& input, const bas
   found.off = edge::deviations(found.hole.curve, place->curve, place->frame_from_hole);
   auto path = edge::tool_path(found.hole.curve, place->curve, place->frame_from_hole, place->cov,
                               path_options(job.path, stitching.frame));
-  if (!path) return fail(std::move(path));
+  if (!path) {
+    const std::int64_t elsewhere = found.hole.counts.elsewhere;
+    if (elsewhere <= found.hole.counts.used) return fail(std::move(path));
+    return fail(path.error().code,
+                fmt::format("{} ({} edge pixels lie elsewhere than the nominal: is the part where [part] position "
+                            "says, and is it this nominal?)",
+                            path.error().message, elsewhere));
+  }
   found.path = *std::move(path);
   append(found.path.warnings, found.warnings);
   return found;

@@ -319,7 +319,12 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     all.insert(all.end(), found.rim.begin(), found.rim.end());
   }
   auto found = detail::find_rim(all, options, counts, lost);
-  if (!found) return tl::unexpected(found.error());
+  if (!found) {
+    if (counts.elsewhere == 0) return tl::unexpected(found.error());
+    return fail(found.error().code,
+                fmt::format("{} ({} edge pixels lie elsewhere than the rim is expected: farther than {} mm from it)",
+                            found.error().message, counts.elsewhere, options.expected->reach_mm));
+  }
   const Face& face = found->face;
   std::vector<RimCandidate>& rim = found->rim;
   std::erase_if(rim, [&](const RimCandidate& candidate) { return !in_arc(options, candidate.angle_rad); });

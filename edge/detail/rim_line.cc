@@ -45,6 +45,8 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
   constexpr std::size_t kLeastBands = 5;
   constexpr double kOfBand = 0.4;
   constexpr double kLeastDistance_mm = 0.05;
+  constexpr double kNearCells = 1.5;
+  const double near_mm = kNearCells * cells.cell_mm();
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const RimCell& cell = cells[i];
     // Offsets of the neighbours with bands, from the tangent line of this cell with their own curve taken off by a line to both sides.
@@ -68,15 +70,16 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
       right += offsets[k] * row;
     }
     const Eigen::Vector3d line = normal.ldlt().solve(right);
-    // Between neighbours with bands, and not beyond the last of them: there the line is a guess.
-    const auto [first, last] = std::minmax_element(places.begin(), places.end());
     const double least = std::max(kLeastDistance_mm, kOfBand * math::median(bands));
     for (std::size_t m = 0; m < cell.members.size(); ++m) {
       const RimCandidate& member = *cell.members[m];
       if (member.band_mm > 0.0) continue;
       const Eigen::Vector3d d = member.point_mm - cell.middle_mm;
       const double a = cell.along.dot(d);
-      if (a < *first || a > *last) continue;
+      // Beside bands that were seen: between or beyond distant ones the line is a guess.
+      const auto beside =
+          std::count_if(places.begin(), places.end(), [&](double place) { return std::abs(place - a) <= near_mm; });
+      if (static_cast<std::size_t>(beside) < kLeastBands) continue;
       if (cell.across.dot(d) - line.x() - line.y() * a - line.z() * a * a > least) marked[i].inner[m] = 1;
     }
   }
