@@ -29,8 +29,12 @@ Json head_test_json(const HeadTest& test) {
   Json json = {{"source", test.source}, {"samples", test.samples}, {"off_px", test.off_px}, {"sigma_px", test.sigma_px}};
   json["terms"] = Json::array();
   for (const HeadTest::Term& term : test.terms) {
-    json["terms"].push_back(
-        {{"name", term.name}, {"value_rad", term.value_rad}, {"sigma_rad", term.sigma_rad}, {"explained", term.explained}});
+    json["terms"].push_back({{"name", term.name},
+                             {"value_rad", term.value_rad},
+                             {"sigma_rad", term.sigma_rad},
+                             {"calibration_rad", term.calibration_rad > 0.0 ? Json(term.calibration_rad) : Json(nullptr)},
+                             {"off_px", term.off_px},
+                             {"explained", term.explained}});
   }
   return json;
 }

@@ -58,7 +58,9 @@ struct HeadTest {
     std::string name;  ///< "pitch", "yaw", "roll" of the right camera about its x, y, z; "baseline up", "baseline forward"
     double value_rad = 0.0;
     double sigma_rad = 0.0;
-    double explained = 0.0;  ///< share of the sum of squares, 0..1
+    double calibration_rad = 0.0;  ///< 1 sigma that the head's calibration leaves of it; 0 where that is unknown
+    double off_px = 0.0;           ///< rms of the distances that it makes
+    double explained = 0.0;        ///< share of the sum of squares, 0..1
   };
   std::vector<Term> terms;
 

@@ -36,7 +36,9 @@ std::vector<CurveSample> marker_samples(const std::vector<base::ScannedMarker>& 
 /// distance from a curve changes with it. Not done with fewer than 3 samples.
 base::HeadTest test_head(const base::Head& head, const std::vector<CurveSample>& samples, const std::string& source);
 
-/// kBadInput with the term that explains most where the distances exceed `limit_px` by more than 5 sigmas.
+/// kBadInput with the term that explains most where the distances exceed `limit_px` by more than 5 sigmas, or where one term does by itself:
+/// beyond 5 sigmas of noise and calibration together, with distances of more than a fifth of the limit (lenses are not known better).
+/// That needs a head whose calibration has a covariance. A limit of 0 or less: nothing is refused.
 base::Result<> judge_head(const base::HeadTest& test, double limit_px);
 
 }  // namespace crosstie::scan

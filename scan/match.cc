@@ -157,7 +157,7 @@ class Matcher {
     const Eigen::RowVector2d by_a = smooth_a.slope(place.u, place.v);
     const double slope = by_a.dot(along);
     if (slope * target_.slope < options_.min_slope * target_.slope * target_.slope) return Outcome::kNone;
-    const double missing_a = static_cast<double>(a) - Cell(target_.first->turns, place.cell, width_).at(place.u, place.v);
+    const double missing_a = static_cast<double>(a) - value_at(target_.first->turns, target_.first_smooth, place);
     const double variance_a = static_cast<double>(sigma_a) * sigma_a + interpolated_variance(*target_.first, place);
     match.x_px = cell_x.at(place.u, place.v);
     if (target_.second == nullptr) {
@@ -168,7 +168,7 @@ class Matcher {
     Eigen::Matrix2d phases;
     phases << by_a, Cell(target_.second_smooth, place.cell, width_).slope(place.u, place.v);
     if (!(std::abs(phases.determinant()) > 1e-12)) return Outcome::kNone;
-    const double missing_b = static_cast<double>(b) - Cell(target_.second->turns, place.cell, width_).at(place.u, place.v);
+    const double missing_b = static_cast<double>(b) - value_at(target_.second->turns, target_.second_smooth, place);
     const double variance_b = static_cast<double>(sigma_b) * sigma_b + interpolated_variance(*target_.second, place);
     const Eigen::Matrix2d by_phases = rectified * phases.inverse();
     const Eigen::Matrix2d cov = by_phases * Eigen::Vector2d(variance_a, variance_b).asDiagonal() * by_phases.transpose();
@@ -184,6 +184,23 @@ class Matcher {
   }
 
  private:
+  /// Between pixels: linear, less what a curve falls short of its chord, by the bending of the plane with less noise.
+  [[nodiscard]] double value_at(const std::vector<float>& plane, const std::vector<float>& smooth, const Place& place) const {
+    const double linear = Cell(plane, place.cell, width_).at(place.u, place.v);
+    const std::size_t column = place.cell % width_;
+    const std::size_t row = place.cell / width_;
+    if (column < 1 || row < 1 || column + 2 >= width_ || row + 2 >= height_) return linear;
+    const auto bend = [&](std::size_t along, std::size_t across) -> double {
+      double sum = 0.0;
+      for (const std::size_t at : {place.cell, place.cell + across}) {
+        if (!target_.good[at - along] || !target_.good[at + 2 * along]) return 0.0;
+        sum += static_cast<double>(smooth[at + 2 * along] - smooth[at + along] - smooth[at] + smooth[at - along]);
+      }
+      return 0.25 * sum;  // of two lines the mean; a second difference over three pixels is twice the second derivative
+    };
+    return linear - 0.5 * (place.u * (1.0 - place.u) * bend(1, width_) + place.v * (1.0 - place.v) * bend(width_, 1));
+  }
+
   [[nodiscard]] const std::vector<float>& second_plane() const {
     return target_.second != nullptr ? target_.second_smooth : target_.y_px;
   }

@@ -7,6 +7,7 @@
 
 #include "base/parallel.h"
 #include "scan/detail/guard.h"
+#include "scan/detail/smooth.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -112,6 +113,27 @@ Sums regress(const base::PhaseMap& map, const base::PhasePlane& plane, const std
   return sums;
 }
 
+/// laplace(turns) where one surface reaches far enough for it, from means over squares: their noise is a few hundredths of a pixel's. 0
+/// elsewhere.
+std::vector<float> bendings(const base::PhasePlane& plane, const std::vector<char>& one_surface, int width, int height,
+                            int threads) {
+  constexpr int kMeanRadius = 3;
+  constexpr int kArm = 4;  // from a square's middle to the next one's
+  std::vector<char> averaged;
+  const std::vector<float> mean = box_mean(plane.turns, one_surface, width, height, kMeanRadius, threads, &averaged);
+  std::vector<float> result(plane.turns.size(), 0.0F);
+  const auto w = static_cast<std::size_t>(width);
+  for (int y = kArm; y < height - kArm; ++y) {
+    for (int x = kArm; x < width - kArm; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
+      const std::size_t left = at - kArm, right = at + kArm, above = at - kArm * w, below = at + kArm * w;
+      if (!averaged[at] || !averaged[left] || !averaged[right] || !averaged[above] || !averaged[below]) continue;
+      result[at] = (mean[left] + mean[right] + mean[above] + mean[below] - 4.0F * mean[at]) / (kArm * kArm);
+    }
+  }
+  return result;
+}
+
 }  // namespace
 
 BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
@@ -137,8 +159,9 @@ BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
   for (std::size_t i = 0; i < 2; ++i) {
     auto& plane = i == 0 ? map.x : map.y;
     if (!plane) continue;
+    const std::vector<float> bend = bendings(*plane, one_surface, map.width, map.height, threads);
     for (std::size_t at = 0; at < lean[i].size(); ++at) {
-      if (!std::isnan(lean[i][at])) plane->turns[at] -= static_cast<float>(variance) * lean[i][at];
+      if (!std::isnan(lean[i][at])) plane->turns[at] -= static_cast<float>(variance) * (lean[i][at] + 0.5F * bend[at]);
     }
   }
   return shift;

@@ -10,11 +10,11 @@ namespace crosstie::scan::detail {
 ///
 /// A pixel sees sum K(s - p) a(s) exp(i phi(s)) of its neighbourhood: K its point spread (pixel area included), a what the surface throws
 /// back, phi the phase, linear nearby. Brighter places count more, so that the phase is that of a place off the pixel's centre. For a
-/// Gaussian K of variance v px^2 in each direction this is exact to first order in the phase's slope:
+/// Gaussian K of variance v px^2 in each direction this is exact to first order in the phase's change:
 ///
-///     phase = phi(p) + v grad(phi) . grad(ln B),   B = sum K a the modulation there,
+///     phase = phi(p) + v grad(phi) . grad(ln B) + v / 2 laplace(phi),   B = sum K a the modulation there,
 ///
-/// for any a: paint, markers, and the rim, beyond which a = 0 (where what lies behind is dark). v is told by the data: both sides less
+/// for any a where phi is a plane (the last term is of its bending, by perspective and by the surface itself): paint, markers, and the rim, beyond which a = 0 (where what lies behind is dark). v is told by the data: both sides less
 /// their means over the neighbourhood, where surfaces are smooth, in proportion.
 struct BlurShift {
   double variance_px2 = 0.0;  ///< v; 0 where it was not told

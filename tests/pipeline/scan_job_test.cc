@@ -257,9 +257,9 @@ INSTANTIATE_TEST_SUITE_P(
                   3, "changed by pitch"},
         WrongScan{"Rolled", true,
                   [](const fs::path& job) {
-                    pitch(job, {0.0, 0.0, 6e-3});
+                    pitch(job, {0.0, 0.0, 1e-3});
                   },
-                  3, "off the epipolar curves"},
+                  3, "changed by roll"},
         WrongScan{"Yawed", true,
                   [](const fs::path& job) {
                     pitch(job, {0.0, 25e-3, 0.0});

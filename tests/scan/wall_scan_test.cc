@@ -225,7 +225,6 @@ TEST(WallScan, NoiseIsNearItsLimit) {
 
 /// Shiny and dark patches: saturated and dark pixels may be missing, but what is measured is not biased.
 TEST(WallScan, ShinyAndDarkPatchesAreNotBiased) {
-  if (!full_size()) GTEST_SKIP() << "a study of many seeds, whose bar is not met yet: CROSSTIE_FULL_SIZE=1 runs it";
   Scene scene = *fixtures::with_image_scale(*fixtures::make_scene("door"), full_size() ? 0.5 : 0.25);
   scene.patterns->periods_px = {full_size() ? 40.0 : 80.0};
   scene.wall->plates.clear();
