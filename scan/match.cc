@@ -184,19 +184,27 @@ class Matcher {
   }
 
  private:
+  static constexpr std::size_t kBendReach = 3;
+
   /// Between pixels: linear, less what a curve falls short of its chord, by the bending of the plane with less noise.
   [[nodiscard]] double value_at(const std::vector<float>& plane, const std::vector<float>& smooth, const Place& place) const {
     const double linear = Cell(plane, place.cell, width_).at(place.u, place.v);
     const std::size_t column = place.cell % width_;
     const std::size_t row = place.cell / width_;
-    if (column < 1 || row < 1 || column + 2 >= width_ || row + 2 >= height_) return linear;
+    if (column < kBendReach || row < kBendReach || column + kBendReach + 1 >= width_ || row + kBendReach + 1 >= height_)
+      return linear;
+    // Over so many pixels that its noise is a hundredth of a pixel's.
     const auto bend = [&](std::size_t along, std::size_t across) -> double {
+      constexpr double kArms = kBendReach * (kBendReach + 1);
       double sum = 0.0;
       for (const std::size_t at : {place.cell, place.cell + across}) {
-        if (!target_.good[at - along] || !target_.good[at + 2 * along]) return 0.0;
-        sum += static_cast<double>(smooth[at + 2 * along] - smooth[at + along] - smooth[at] + smooth[at - along]);
+        for (std::size_t k = 1; k <= kBendReach; ++k) {
+          if (!target_.good[at - k * along] || !target_.good[at + (k + 1) * along]) return 0.0;
+        }
+        sum += static_cast<double>(smooth[at + (kBendReach + 1) * along] - smooth[at + along] - smooth[at] +
+                                   smooth[at - kBendReach * along]);
       }
-      return 0.25 * sum;  // of two lines the mean; a second difference over three pixels is twice the second derivative
+      return 0.5 * sum / kArms;  // of two lines the mean
     };
     return linear - 0.5 * (place.u * (1.0 - place.u) * bend(1, width_) + place.v * (1.0 - place.v) * bend(width_, 1));
   }

@@ -113,11 +113,44 @@ TEST(HeadTest, WrongHeadsAreNamed) {
   }
 }
 
-TEST(HeadTest, TrueHeadIsNotAccused) {
+/// What a calibration leaves of a head: a hundredth of a pixel of the epipolar curves.
+Eigen::MatrixXd calibration_covariance(const base::Head& head) {
+  const Eigen::Index lens = base::parameter_count(head.left.model());
+  Eigen::VectorXd sigma(2 * lens + 6);
+  for (const Eigen::Index first : {Eigen::Index{0}, lens}) {
+    sigma.segment(first, lens).setConstant(1e-5);  // distortion
+    sigma.segment(first, 4).setConstant(0.005);    // px
+  }
+  sigma.tail<6>() << 1e-5, 1e-5, 1e-5, 0.005, 0.005, 0.005;  // rad, mm
+  return sigma.cwiseAbs2().asDiagonal();
+}
+
+TEST(HeadTest, SmallTurnsAreNamedWhereTheCalibrationIsKnown) {
   const SyntheticScan plain;
+  const Captured both = captured(plain, true, 302);
+  for (const auto& [name, turned_rad] :
+       {std::pair{"roll", Eigen::Vector3d(0.0, 0.0, 1e-3)}, std::pair{"roll", Eigen::Vector3d(0.0, 0.0, -1e-3)},
+        std::pair{"pitch", Eigen::Vector3d(2e-4, 0.0, 0.0)}, std::pair{"yaw", Eigen::Vector3d(0.0, 5e-3, 0.0)}}) {
+    SCOPED_TRACE(testing::Message() << name << " " << turned_rad.transpose());
+    base::Head head = turned(plain.head, turned_rad);
+    EXPECT_TRUE(judge_head(test_of(both, head, "phases"), 0.25));  // nothing says how well the head is known
+    head.cov = calibration_covariance(head);
+    const base::HeadTest test = test_of(both, head, "phases");
+    const auto judged = judge_head(test, 0.25);
+    ASSERT_FALSE(judged) << test.off_px;
+    EXPECT_THAT(judged.error().message, HasSubstr(std::string("changed by ") + name));
+    EXPECT_NEAR(std::abs(most(test).value_rad), turned_rad.norm(), 0.1 * turned_rad.norm());
+    head.cov *= 1e4;  // a calibration that does not know the head so well
+    EXPECT_TRUE(judge_head(test_of(both, head, "phases"), 0.25));
+  }
+}
+
+TEST(HeadTest, TrueHeadIsNotAccused) {
+  SyntheticScan plain;
+  plain.head.cov = calibration_covariance(plain.head);
   SyntheticScan rough;
   rough.albedo = speckles;
-  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+  for (std::uint64_t seed = 0; seed < 8; ++seed) {
     const base::HeadTest phases = test_of(captured(plain, true, 310 + seed), plain.head, "phases");
     EXPECT_LT(phases.off_px, 0.02);
     EXPECT_TRUE(judge_head(phases, 0.25));
