@@ -19,6 +19,12 @@ endif()
 # disagree on alignment. Hot loops that want more dispatch at run time.
 set(CROSSTIE_WARNINGS -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror)
 
+if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+  # Eigen's templates fill GCC's heap faster than its garbage collector pays off: without collections below 1 GB compiling takes 10 to 20 %
+  # less time for 15 % more memory.
+  add_compile_options(--param=ggc-min-heapsize=1000000)
+endif()
+
 if(CROSSTIE_CLANG_TIDY)
   find_program(CLANG_TIDY_PROGRAM clang-tidy REQUIRED)
   set(CMAKE_CXX_CLANG_TIDY ${CLANG_TIDY_PROGRAM} --quiet --warnings-as-errors=*)
