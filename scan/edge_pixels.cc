@@ -292,7 +292,13 @@ Result<Blur> find_blur(const Sites& sites, const EdgeImages& images, const EdgeO
     if (one) blurs.push_back(*one);
   }
   if (blurs.size() < kLeastBlurs) return Blur();
-  Blur result{math::median(blurs)};
+  // Soft shadows and borders of the projector's light are wider, never narrower: the median of the sharpest, as far as they agree.
+  constexpr double kSharp = 0.2;
+  constexpr double kAgree = 1.04;
+  std::sort(blurs.begin(), blurs.end());
+  const double sharp = blurs[static_cast<std::size_t>(kSharp * static_cast<double>(blurs.size()))];
+  const auto wider = std::upper_bound(blurs.begin(), blurs.end(), kAgree * sharp);
+  Blur result{blurs[static_cast<std::size_t>(wider - blurs.begin()) / 2]};
   for (double& blur : blurs) blur = std::abs(blur / result.px - 1.0);
   result.relative_sigma = std::max(kLeastBlurSigma, 1.4826 * math::median(blurs));
   return result;

@@ -91,7 +91,7 @@ Verb edge_verb() {
       "find the edge of a hole as a curve with sigmas: of a job's stitched scans, with the part's place and the torch's path, "
       "or of one scan",
       "  $ crosstie edge door\n"
-      "  edge    233 points over 3269.9 mm, closed, 0 gaps; points, rms 0.596 mm; path 3269.9 mm in 327 s\n"
+      "  edge    236 points over 3269.7 mm, closed, 0 gaps; points, rms 0.504 mm; path 3269.9 mm in 327 s\n"
       "  door/results/edge/result.json\n"
       "  $ crosstie edge --scan x0850/cloud --nominal circle --roi 480,420,770,720 --arc 20,160 --out x0850/edge\n"
       "  x0850/edge/result.json",
