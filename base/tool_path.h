@@ -36,6 +36,9 @@ struct ToolPathPoint {
   double correction_v_mm = 0.0;
   double sigma_u_mm = 0.0;  ///< of the path across itself in the surface, all parts together
   double sigma_v_mm = 0.0;  ///< along the normal
+  /// Of the torch's direction, all parts together: across the way (its turn about the tangent) and along it.
+  double sigma_lean_rad = 0.0;
+  double sigma_lead_rad = 0.0;
   PathSource source = PathSource::kMeasured;
 
   /// Axes of the tool's frame in columns: z along the torch, x as near to the tangent as that allows, y = z x x.
@@ -61,7 +64,7 @@ struct ToolPath {
 Result<> write_tool_path_json(const std::filesystem::path& path, const ToolPath& tool_path);
 
 /// s_mm,time_s,x_mm,y_mm,z_mm,tx,ty,tz,nx,ny,nz,torch_x,torch_y,torch_z,speed_mm_per_s,correction_u_mm,correction_v_mm,sigma_u_mm,
-/// sigma_v_mm,source; atomically.
+/// sigma_v_mm,sigma_lean_rad,sigma_lead_rad,source; atomically.
 Result<> write_tool_path_csv(const std::filesystem::path& path, const ToolPath& tool_path);
 
 /// DXF of release 12 with $INSUNITS 4 (mm): the path as a 3D polyline on the layer PATH, its stretches without a measurement on the

@@ -16,6 +16,7 @@
 #include "math/covariance_root.h"
 #include "math/distributions.h"
 #include "math/head_point.h"
+#include "math/median.h"
 
 namespace crosstie::edge {
 namespace {
@@ -53,7 +54,8 @@ struct Voice {
   double off_mm = 0.0;    // from the smooth line, away from the material
   double sigma_mm = 0.0;  // of it
   double surface_sigma_mm = 0.0;
-  double lean = 0.0;  // by how much a point moves across the rim when its surface moves by one along the normal
+  double lean_sigma_rad = 0.0;  // of the normal's turn about the tangent
+  double slant = 0.0;           // by how much a point moves across the rim when its surface moves by one along the normal
   double band_mm = 0.0;
 };
 
@@ -65,7 +67,8 @@ struct Cell {
   Eigen::Vector3d across = Eigen::Vector3d::Zero();
   double sigma_mm = 0.0;
   double surface_sigma_mm = 0.0;
-  double lean = 0.0;
+  double lean_sigma_rad = 0.0;
+  double slant = 0.0;
   double off_mm = 0.0;
   double disagreement = 1.0;
 };
@@ -80,7 +83,8 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
   std::vector<Voice> voices;
   for (const auto& [who, group] : groups) {
     Voice voice{who.first, who.second, static_cast<int>(group.size())};
-    double weights = 0.0, variance = 0.0, extent_low = 1e300, extent_high = -1e300, piece = 0.0, surface_piece = 0.0;
+    double weights = 0.0, variance = 0.0, extent_low = 1e300, extent_high = -1e300;
+    double piece = 0.0, surface_piece = 0.0, depths = 0.0;
     for (const RimCandidate* member : group) {
       const double weight = 1.0 / (member->sigma_mm * member->sigma_mm);
       weights += weight;
@@ -90,7 +94,8 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
       voice.off_mm += weight * line.off_mm(member->point_mm);
       voice.surface_sigma_mm += weight * member->surface_sigma_mm;
       const double facing = std::max(0.1, std::abs(member->ray.dot(member->normal)));
-      voice.lean += weight * -member->ray.dot(line.across) / facing;
+      voice.slant += weight * -member->ray.dot(line.across) / facing;
+      voice.lean_sigma_rad += weight * member->lean_sigma_rad;
       voice.band_mm += weight * member->band_mm;
       variance += weight * member->sigma_mm * member->sigma_mm;
       const double along = line.along_mm(member->point_mm);
@@ -98,8 +103,10 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
       extent_high = std::max(extent_high, along);
       piece += weight * member->piece_mm;
       surface_piece += weight * member->surface_piece_mm;
+      depths += weight * member->depths_mm;
     }
-    for (double* value : {&voice.off_mm, &voice.surface_sigma_mm, &voice.lean, &voice.band_mm, &piece, &surface_piece})
+    for (double* value : {&voice.off_mm, &voice.surface_sigma_mm, &voice.lean_sigma_rad, &voice.slant, &voice.band_mm, &piece,
+                          &surface_piece, &depths})
       *value /= weights;
     voice.point_mm /= weights;
     voice.point_in_rig_mm /= weights;
@@ -107,6 +114,7 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
     // The mean of points on a curve lies on its inner side.
     voice.point_mm += (voice.off_mm - line.off_mm(voice.point_mm)) * line.across;
     voice.surface_sigma_mm *= std::sqrt(share_of_variance((extent_high - extent_low) / surface_piece));
+    voice.lean_sigma_rad *= std::sqrt(share_of_variance((extent_high - extent_low) / depths));
     voice.sigma_mm = std::sqrt(variance / weights * share_of_variance((extent_high - extent_low) / piece));
     voices.push_back(voice);
   }
@@ -135,20 +143,24 @@ Cell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, HoleEdge
   }
   Cell cell;
   double weights = 0.0;
-  std::map<int, double> by_station;
+  std::map<int, Eigen::Vector2d> by_station;
   for (const Voice& voice : voices) {
     const double weight = 1.0 / (voice.sigma_mm * voice.sigma_mm);
     weights += weight;
     cell.point_mm += weight * voice.point_mm;
     cell.normal += weight * voice.normal;
     cell.off_mm += weight * voice.off_mm;
-    by_station[voice.station] += weight * voice.surface_sigma_mm;
-    cell.lean += weight * voice.lean;
+    by_station.try_emplace(voice.station, Eigen::Vector2d::Zero()).first->second +=
+        weight * Eigen::Vector2d(voice.surface_sigma_mm, voice.lean_sigma_rad);
+    cell.slant += weight * voice.slant;
   }
   cell.point_mm /= weights;
-  for (double* value : {&cell.off_mm, &cell.lean}) *value /= weights;
+  for (double* value : {&cell.off_mm, &cell.slant}) *value /= weights;
   // The cameras of a station stand on the same depths, stations on their own.
-  for (const auto& [station, sigma] : by_station) cell.surface_sigma_mm = std::hypot(cell.surface_sigma_mm, sigma / weights);
+  for (const auto& [station, sigmas] : by_station) {
+    cell.surface_sigma_mm = std::hypot(cell.surface_sigma_mm, sigmas(0) / weights);
+    cell.lean_sigma_rad = std::hypot(cell.lean_sigma_rad, sigmas(1) / weights);
+  }
   double squares = 0.0;
   for (const Voice& voice : voices) squares += std::pow((voice.off_mm - cell.off_mm) / voice.sigma_mm, 2);
   const double freedom = static_cast<double>(voices.size()) - 1.0;
@@ -193,32 +205,57 @@ Result<SharedParameters> shared_parameters(std::span<const StationView> stations
   return parameters;
 }
 
-/// What the shared parameters do to the points: EdgeCurve::shared_mm. Where the head was adjusted, the cells follow.
-Eigen::MatrixXd shared_parts(std::vector<Cell>& cells, std::span<const StationView> stations,
-                             const SharedParameters& parameters, const Eigen::VectorXd& head_change) {
+/// What the shared parameters do to the points and their normals, as EdgeCurve has it; these turn towards Cell::across.
+struct SharedParts {
+  Eigen::MatrixXd points_mm;
+  Eigen::MatrixXd leans_rad;
+};
+
+/// Where the head was adjusted, the cells follow.
+SharedParts shared_parts(std::vector<Cell>& cells, std::span<const StationView> stations, const SharedParameters& parameters,
+                         const Eigen::VectorXd& head_change) {
+  constexpr double kBase_mm = 10.0;  // to either side, over which slopes are taken
   const Eigen::MatrixXd causes = math::covariance_root(parameters.cov).root;
-  Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(3 * static_cast<Eigen::Index>(cells.size()), causes.cols());
+  const auto count = static_cast<Eigen::Index>(cells.size());
+  SharedParts shared{Eigen::MatrixXd::Zero(3 * count, causes.cols()), Eigen::MatrixXd::Zero(count, causes.cols())};
   if (causes.cols() == 0 && head_change.size() == 0) return shared;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     double weights = 0.0;
     for (const Voice& voice : cells[i].voices) weights += 1.0 / (voice.sigma_mm * voice.sigma_mm);
     Eigen::Matrix3Xd jacobian = Eigen::Matrix3Xd::Zero(3, parameters.cov.cols());
+    Eigen::RowVectorXd slope = Eigen::RowVectorXd::Zero(parameters.cov.cols());
+    const Eigen::Vector3d& normal = cells[i].normal;
+    const Eigen::Vector3d& across = cells[i].across;
     Eigen::Vector3d moved = Eigen::Vector3d::Zero();
     for (const Voice& voice : cells[i].voices) {
       const double share = 1.0 / (voice.sigma_mm * voice.sigma_mm) / weights;
       const StationView& view = stations[static_cast<std::size_t>(voice.station)];
-      const Eigen::Matrix3Xd by_head =
-          share * view.frame_from_rig.rotation.toRotationMatrix() * math::point_by_head(*view.head, voice.point_in_rig_mm);
+      const Eigen::Matrix3d turn = view.frame_from_rig.rotation.toRotationMatrix();
+      const Eigen::Vector3d aside = kBase_mm * (turn.transpose() * across);
+      const Eigen::Matrix3Xd by_head = share * turn * math::point_by_head(*view.head, voice.point_in_rig_mm);
       if (head_change.size() > 0) moved += by_head * head_change;
-      jacobian.middleCols(parameters.heads.at(view.head), by_head.cols()) += by_head;
+      const Eigen::Index head = parameters.heads.at(view.head);
+      jacobian.middleCols(head, by_head.cols()) += by_head;
+      slope.segment(head, by_head.cols()) += share / (2.0 * kBase_mm) * (normal.transpose() * turn) *
+                                             (math::point_by_head(*view.head, voice.point_in_rig_mm + aside) -
+                                              math::point_by_head(*view.head, voice.point_in_rig_mm - aside));
       const auto pose = 6 * static_cast<Eigen::Index>(voice.station);
       jacobian.middleCols<3>(pose) -= share * base::skew(voice.point_mm);
+      slope.segment<3>(pose) -= share * normal.transpose() * base::skew(across);
       jacobian.middleCols<3>(pose + 3) += share * Eigen::Matrix3d::Identity();
     }
     cells[i].point_mm += moved;
-    if (causes.cols() > 0) shared.middleRows<3>(3 * static_cast<Eigen::Index>(i)) = jacobian * causes;
+    if (causes.cols() == 0) continue;
+    shared.points_mm.middleRows<3>(3 * static_cast<Eigen::Index>(i)) = jacobian * causes;
+    shared.leans_rad.row(static_cast<Eigen::Index>(i)) = -slope * causes;
   }
   return shared;
+}
+
+double depths_mm(const std::vector<RimCandidate>& rim) {
+  std::vector<double> lengths;
+  for (const RimCandidate& candidate : rim) lengths.push_back(candidate.depths_mm);
+  return math::median(lengths);
 }
 
 /// Scatter of the cells about the line through their neighbours, themselves left out, over what their sigmas say.
@@ -372,7 +409,10 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   if (!curve.closed) std::rotate(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(next(widest)), points.end());
   std::vector<double> off;
   result.roughness_factor = roughness(points, cells->reach_mm(), off);
-  curve.shared_mm = shared_parts(points, stations, *parameters, shared.head_change);
+  const SharedParts parts = shared_parts(points, stations, *parameters, shared.head_change);
+  curve.shared_mm = parts.points_mm;
+  curve.shared_lean_rad = parts.leans_rad;
+  curve.depths_mm = depths_mm(rim);
   double s = 0.0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     Cell& here = points[i];
@@ -388,12 +428,13 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     // Across leads away from the material; u = normal x tangent as the noun has it.
     const Eigen::Vector3d ahead =
         i + 1 < points.size() ? points[i + 1].point_mm - here.point_mm : here.point_mm - points[i - 1].point_mm;
-    Eigen::Vector3d tangent = here.across.cross(here.normal);
-    if (tangent.dot(ahead) < 0.0) tangent = -tangent;
-    point.tangent = tangent;
-    const Eigen::Vector3d u = point.normal.cross(point.tangent);
+    const Eigen::Vector3d tangent = here.across.cross(here.normal);
+    const double way = tangent.dot(ahead) < 0.0 ? -1.0 : 1.0;
+    point.tangent = way * tangent;
+    const Eigen::Vector3d u = way * here.across;
+    curve.shared_lean_rad.row(static_cast<Eigen::Index>(i)) *= way;
     here.sigma_mm *= result.roughness_factor;
-    const Eigen::Vector3d by_surface = here.surface_sigma_mm * (here.normal + here.lean * here.across);
+    const Eigen::Vector3d by_surface = here.surface_sigma_mm * (here.normal + here.slant * here.across);
     point.cov_mm2 = here.sigma_mm * here.sigma_mm * u * u.transpose() + by_surface * by_surface.transpose();
     Eigen::Matrix3d whole = point.cov_mm2;
     if (curve.shared_mm.cols() > 0) {
@@ -402,6 +443,9 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     }
     point.sigma_u_mm = std::sqrt(u.dot(whole * u));
     point.sigma_v_mm = std::sqrt(point.normal.dot(whole * point.normal));
+    point.lean_variance_rad2 = here.lean_sigma_rad * here.lean_sigma_rad;
+    point.sigma_lean_rad =
+        std::sqrt(point.lean_variance_rad2 + curve.shared_lean_rad.row(static_cast<Eigen::Index>(i)).squaredNorm());
     RimPoint detail_of;
     detail_of.off_neighbours_mm = off[i];
     for (const Voice& voice : here.voices) {

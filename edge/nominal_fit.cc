@@ -220,6 +220,8 @@ EdgeDeviations deviations(const EdgeCurve& edge, const NominalCurve& nominal, co
     const Eigen::Matrix<double, 2, 3> e = across * turn;
     result.points.push_back(i);
     result.s_mm.push_back(place.s_mm);
+    const Eigen::Vector3d normal = turn * edge.points[i].normal;
+    result.lean_rad.push_back(std::atan2(normal.dot(across.row(0)), normal.dot(place.normal)));
     uv.emplace_back(across * off);
     result.cov_mm2.emplace_back(e * edge.points[i].cov_mm2 * e.transpose());
     if (edge.shared_mm.cols() > 0) shared.emplace_back(e * edge.shared_mm.middleRows<3>(static_cast<Eigen::Index>(3 * i)));

@@ -31,11 +31,13 @@ constexpr std::size_t kMostPoints = 1000000;
 struct Node {
   double s_mm = 0.0;  ///< along the nominal
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
-  Eigen::Vector3d inside = Eigen::Vector3d::Zero();  ///< u of the nominal
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< of the nominal
+  Eigen::Vector3d inside = Eigen::Vector3d::Zero();   ///< u of the nominal
   Eigen::Vector3d nominal_tangent = Eigen::Vector3d::UnitX();
   Eigen::Vector2d correction = Eigen::Vector2d::Zero();
   Eigen::Vector2d variance = Eigen::Vector2d::Zero();
+  double lean = 0.0;                                             ///< of the surface from the nominal's normal, towards inside
+  Eigen::Vector2d direction_variance = Eigen::Vector2d::Zero();  ///< of lean, and along the way
   PathSource source = PathSource::kMeasured;
 };
 
@@ -103,7 +105,7 @@ class PathMaker {
       return fail(ErrorCode::kBadInput,
                   fmt::format("{} points of the rim lie beside the nominal path; nothing corrects it", off_.points.size()));
     }
-    filter_.emplace(edge_, off_, nominal_.length_mm(), nominal_.closed(), options_.cutoff_mm);
+    filter_.emplace(edge_, off_, nominal_.length_mm(), nominal_.closed(), options_.cutoff_mm, options_.lean_cutoff_mm);
     gaps_ = filter_->gaps();
     if (auto good = check_gaps(); !good) return fail(std::move(good));
     path_.frame = edge_.frame;
@@ -150,13 +152,19 @@ class PathMaker {
     return {u.dot(cov * u), v.dot(cov * v)};
   }
 
+  /// Variances of its normal's turn about the tangent and about u.
+  [[nodiscard]] Eigen::Vector2d place_direction_variance(const Eigen::Vector3d& t, const Eigen::Vector3d& u) const {
+    const Eigen::Matrix3d cov = place_cov_.topLeftCorner<3, 3>();
+    return {t.dot(cov * t), u.dot(cov * u)};
+  }
+
   Result<Node> node_at(double s) const {
     const CurvePoint at = nominal_.at(s);
     Node node;
     node.s_mm = wrapped(s);
     node.nominal_tangent = place_.rotation * at.tangent;
-    const Eigen::Vector3d normal = place_.rotation * at.normal;
-    node.inside = normal.cross(node.nominal_tangent);
+    node.normal = place_.rotation * at.normal;
+    node.inside = node.normal.cross(node.nominal_tangent);
     const InGap in = gap_at(gaps_, node.s_mm, nominal_);
     const Eigen::Vector3d bare = place_ * at.point_mm;
     if (in.gap == nullptr) {
@@ -164,12 +172,15 @@ class PathMaker {
       if (auto good = check(here, node.s_mm); !good) return fail(std::move(good));
       node.correction = here.uv_mm;
       node.variance = here.variance_mm2;
-      node.normal = here.normal.norm() > 0.5 ? here.normal : normal;
+      node.lean = here.lean_rad;
+      node.direction_variance = {here.lean_variance_rad2, here.slope_variance};
     } else {
       const double blend = std::min(options_.blend_mm, 0.5 * (in.gap->to_mm - in.gap->from_mm));
-      const Eigen::Vector2d nominal_variance = place_variance(bare, node.inside, normal) + filter_->mean_square_mm2();
+      const Eigen::Vector2d nominal_variance = place_variance(bare, node.inside, node.normal) + filter_->mean_square_mm2();
+      const Eigen::Vector2d nominal_directions = place_direction_variance(node.nominal_tangent, node.inside) +
+                                                 Eigen::Vector2d::Constant(filter_->mean_square_lean_rad2());
       node.variance = nominal_variance;
-      node.normal = normal;
+      node.direction_variance = nominal_directions;
       node.source = PathSource::kNominal;
       const bool at_open_end = !nominal_.closed() && (in.gap->from_mm <= 0.0 || in.gap->to_mm >= nominal_.length_mm());
       const auto from_end_of = [&](double end_mm, double way) {
@@ -178,14 +189,15 @@ class PathMaker {
         const Smoothed there = filter_->at(wrapped(end_mm));
         node.correction += share * there.uv_mm;
         node.variance += share * share * there.variance_mm2 - share * nominal_variance;
-        if (there.normal.norm() > 0.5) node.normal += share * (there.normal - normal);
+        node.lean += share * there.lean_rad;
+        node.direction_variance +=
+            share * share * Eigen::Vector2d(there.lean_variance_rad2, there.slope_variance) - share * nominal_directions;
         node.source = PathSource::kBlend;
       };
       if (!(at_open_end && in.gap->from_mm <= 0.0)) from_end_of(in.gap->from_mm, in.from_start);
       if (!(at_open_end && in.gap->to_mm >= nominal_.length_mm())) from_end_of(in.gap->to_mm, in.from_end);
-      node.normal.normalize();
     }
-    node.point = bare + node.correction(0) * node.inside + node.correction(1) * normal + options_.offset_mm * node.inside;
+    node.point = bare + node.correction(0) * node.inside + node.correction(1) * node.normal + options_.offset_mm * node.inside;
     return node;
   }
 
@@ -225,7 +237,8 @@ class PathMaker {
       }
       ToolPathPoint p;
       p.tangent = chord.normalized();
-      p.normal = (node.normal - node.normal.dot(p.tangent) * p.tangent).normalized();
+      const Eigen::Vector3d normal = std::cos(node.lean) * node.normal + std::sin(node.lean) * node.inside;
+      p.normal = (normal - normal.dot(p.tangent) * p.tangent).normalized();
       const Eigen::Vector3d inside = way_sign * p.normal.cross(p.tangent);
       p.torch =
           std::cos(options_.lead_rad) * (std::cos(options_.bevel_rad) * p.normal + std::sin(options_.bevel_rad) * inside) +
@@ -235,6 +248,8 @@ class PathMaker {
       p.correction_v_mm = node.correction(1);
       p.sigma_u_mm = std::sqrt(std::max(0.0, node.variance(0)));
       p.sigma_v_mm = std::sqrt(std::max(0.0, node.variance(1)));
+      p.sigma_lean_rad = std::sqrt(std::max(0.0, node.direction_variance(0)));
+      p.sigma_lead_rad = std::sqrt(std::max(0.0, node.direction_variance(1)));
       p.source = node.source;
       p.speed_mm_per_s = options_.speed_mm_per_s;
       if (i > 0) {
@@ -357,6 +372,7 @@ Result<> ToolPathOptions::validate() const {
   };
   for (const auto& [name, value] : {std::pair{"step_mm", step_mm},
                                     {"cutoff_mm", cutoff_mm},
+                                    {"lean_cutoff_mm", lean_cutoff_mm},
                                     {"max_correction_mm", max_correction_mm},
                                     {"max_slope", max_slope},
                                     {"blend_mm", blend_mm},

@@ -67,6 +67,8 @@ std::optional<RimCandidate> candidate(CameraView& view, const base::EdgePixel& e
   result.band_mm = edge.band_px * scale;
   result.piece_mm = piece_px * (*right - *left).norm() / (2.0 * kStep_px);
   result.surface_piece_mm = result.piece_mm / piece_px * surface->piece_px;
+  result.depths_mm = result.piece_mm / piece_px * surface->extent_px;
+  result.lean_sigma_rad = std::sqrt(result.out.dot(surface->plane_cov * result.out)) / surface->plane.norm();
   const double z = at->z();
   result.surface_sigma_mm = surface->sigma * z * z * std::abs(result.normal.dot(*ray / ray->z()));
   return result;

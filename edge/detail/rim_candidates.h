@@ -21,9 +21,11 @@ struct RimCandidate {
   Eigen::Vector3d ray = Eigen::Vector3d::Zero();       ///< unit, from the camera
   double sigma_mm = 0.0;                               ///< across the edge, of the image
   double surface_sigma_mm = 0.0;                       ///< of the surface, along its normal
+  double lean_sigma_rad = 0.0;                         ///< of the normal's turn about the edge
   double band_mm = 0.0;
   double piece_mm = 0.0;          ///< length of edge behind it
   double surface_piece_mm = 0.0;  ///< length of edge behind the surface's sigma
+  double depths_mm = 0.0;         ///< length of edge before which the depths lie
   double angle_rad = 0.0;         ///< in the left image about the middle of the region
   Eigen::Vector3d point_in_rig_mm = Eigen::Vector3d::Zero();
 };

@@ -19,8 +19,9 @@ constexpr double kUsualDistances = 4.0;  // points farther apart leave a gap
 
 }  // namespace
 
-RimFilter::RimFilter(const base::EdgeCurve& edge, const EdgeDeviations& off, double length_mm, bool closed, double cutoff_mm)
-    : edge_(edge), off_(off), length_mm_(length_mm), closed_(closed), cutoff_mm_(cutoff_mm) {
+RimFilter::RimFilter(const base::EdgeCurve& edge, const EdgeDeviations& off, double length_mm, bool closed, double cutoff_mm,
+                     double lean_cutoff_mm)
+    : edge_(edge), off_(off), length_mm_(length_mm), closed_(closed), cutoff_mm_(cutoff_mm), lean_cutoff_mm_(lean_cutoff_mm) {
   order_.resize(off.s_mm.size());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
   std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) { return off.s_mm[a] < off.s_mm[b]; });
@@ -32,7 +33,7 @@ RimFilter::RimFilter(const base::EdgeCurve& edge, const EdgeDeviations& off, dou
     std::nth_element(spacings.begin(), middle, spacings.end());
     spacing_mm_ = *middle;
   }
-  cutoff_mm_ = std::max(cutoff_mm_, kPointsPerCutoff * spacing_mm_);
+  for (double* cutoff : {&cutoff_mm_, &lean_cutoff_mm_}) *cutoff = std::max(*cutoff, kPointsPerCutoff * spacing_mm_);
 }
 
 double RimFilter::way(double from_mm, double to_mm) const {
@@ -40,9 +41,9 @@ double RimFilter::way(double from_mm, double to_mm) const {
   return closed_ ? d - length_mm_ * std::round(d / length_mm_) : d;
 }
 
-Smoothed RimFilter::at(double s_mm) const {
-  const double reach = std::min(kReach * cutoff_mm_, closed_ ? 0.45 * length_mm_ : length_mm_);
-  std::vector<std::size_t> near;  // into off
+std::vector<std::size_t> RimFilter::near(double s_mm, double reach_mm) const {
+  const double reach = std::min(reach_mm, closed_ ? 0.45 * length_mm_ : length_mm_);
+  std::vector<std::size_t> near;
   const auto collect = [&](double low, double high) {
     const auto begin = std::lower_bound(s_mm_.begin(), s_mm_.end(), low);
     const auto end = std::upper_bound(begin, s_mm_.end(), high);
@@ -51,41 +52,82 @@ Smoothed RimFilter::at(double s_mm) const {
   collect(s_mm - reach, s_mm + reach);
   if (closed_ && s_mm - reach < 0.0) collect(s_mm - reach + length_mm_, length_mm_);
   if (closed_ && s_mm + reach > length_mm_) collect(0.0, s_mm + reach - length_mm_);
+  return near;
+}
 
-  Smoothed result;
-  const auto n = static_cast<Eigen::Index>(near.size());
-  Eigen::VectorXd x(n);
-  Eigen::VectorXd kernel(n);
-  for (Eigen::Index j = 0; j < n; ++j) {
-    x(j) = way(s_mm, off_.s_mm[near[static_cast<std::size_t>(j)]]) / cutoff_mm_;
-    kernel(j) = std::exp(-std::numbers::pi * x(j) * x(j) / (kGamma * kGamma));
-    result.normal += kernel(j) * edge_.points[off_.points[near[static_cast<std::size_t>(j)]]].normal;
-  }
-  if (result.normal.norm() > 0.0) result.normal.normalize();
+RimFilter::Weights RimFilter::weights(double s_mm, std::vector<std::size_t> near, const Eigen::VectorXd& variances,
+                                      double cutoff_mm) const {
   constexpr Eigen::Index kParabola = 3;
+  const auto n = static_cast<Eigen::Index>(near.size());
   const Eigen::Index unknowns = std::min(kParabola, n);
-  for (int row = 0; row < 2; ++row) {
-    Eigen::MatrixXd design(n, unknowns);
-    Eigen::VectorXd weight(n);
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const std::size_t i = near[static_cast<std::size_t>(j)];
-      weight(j) = kernel(j) / off_.cov_mm2[i](row, row);
-      for (Eigen::Index k = 0; k < unknowns; ++k) design(j, k) = std::pow(x(j), static_cast<double>(k));
-    }
-    const Eigen::MatrixXd weighted = weight.asDiagonal() * design;
-    const Eigen::MatrixXd hat = (design.transpose() * weighted).ldlt().solve(weighted.transpose());
-    Eigen::RowVectorXd shared = Eigen::RowVectorXd::Zero(off_.shared_mm.cols());
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const std::size_t i = near[static_cast<std::size_t>(j)];
-      const double d = off_.uv_mm(row, static_cast<Eigen::Index>(i));
-      result.uv_mm(row) += hat(0, j) * d;
-      if (unknowns > 1) result.slope(row) += hat(1, j) * d / cutoff_mm_;
-      result.variance_mm2(row) += hat(0, j) * hat(0, j) * off_.cov_mm2[i](row, row);
-      if (shared.size() > 0) shared += hat(0, j) * off_.shared_mm.row(static_cast<Eigen::Index>(2 * i) + row);
-    }
-    result.variance_mm2(row) += shared.squaredNorm();
+  Eigen::MatrixXd design(n, unknowns);
+  Eigen::VectorXd weight(n);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const double x = way(s_mm, off_.s_mm[near[static_cast<std::size_t>(j)]]) / cutoff_mm;
+    weight(j) = std::exp(-std::numbers::pi * x * x / (kGamma * kGamma)) / variances(j);
+    for (Eigen::Index k = 0; k < unknowns; ++k) design(j, k) = std::pow(x, static_cast<double>(k));
   }
+  const Eigen::MatrixXd weighted = weight.asDiagonal() * design;
+  const Eigen::MatrixXd hat = (design.transpose() * weighted).ldlt().solve(weighted.transpose());
+  Weights result{std::move(near), Eigen::RowVectorXd::Zero(n), Eigen::RowVectorXd::Zero(n)};
+  if (unknowns > 0) result.value = hat.row(0);
+  if (unknowns > 1) result.slope = hat.row(1) / cutoff_mm;
   return result;
+}
+
+/// Of sum_j shares_j d_j, d being u (row 0) or v (row 1).
+double RimFilter::variance(const Weights& weights, const Eigen::RowVectorXd& shares, int row) const {
+  double alone = 0.0;
+  Eigen::RowVectorXd together = Eigen::RowVectorXd::Zero(off_.shared_mm.cols());
+  for (Eigen::Index j = 0; j < shares.size(); ++j) {
+    const std::size_t i = weights.near[static_cast<std::size_t>(j)];
+    alone += shares(j) * shares(j) * off_.cov_mm2[i](row, row);
+    if (together.size() > 0) together += shares(j) * off_.shared_mm.row(static_cast<Eigen::Index>(2 * i) + row);
+  }
+  return alone + together.squaredNorm();
+}
+
+Smoothed RimFilter::at(double s_mm) const {
+  Smoothed result;
+  const std::vector<std::size_t> points = near(s_mm, kReach * cutoff_mm_);
+  for (int row = 0; row < 2; ++row) {
+    Eigen::VectorXd variances(static_cast<Eigen::Index>(points.size()));
+    for (Eigen::Index j = 0; j < variances.size(); ++j)
+      variances(j) = off_.cov_mm2[points[static_cast<std::size_t>(j)]](row, row);
+    const Weights w = weights(s_mm, points, variances, cutoff_mm_);
+    for (Eigen::Index j = 0; j < variances.size(); ++j) {
+      const double d = off_.uv_mm(row, static_cast<Eigen::Index>(points[static_cast<std::size_t>(j)]));
+      result.uv_mm(row) += w.value(j) * d;
+      result.slope(row) += w.slope(j) * d;
+    }
+    result.variance_mm2(row) = variance(w, w.value, row);
+    if (row == 1) result.slope_variance = variance(w, w.slope, row);
+  }
+  add_lean(s_mm, result);
+  return result;
+}
+
+void RimFilter::add_lean(double s_mm, Smoothed& smoothed) const {
+  const std::vector<std::size_t> points = near(s_mm, kReach * lean_cutoff_mm_);
+  const auto n = static_cast<Eigen::Index>(points.size());
+  // Of points whose normals have no variance all count alike.
+  Eigen::VectorXd variances(n);
+  for (Eigen::Index j = 0; j < n; ++j)
+    variances(j) = edge_.points[off_.points[points[static_cast<std::size_t>(j)]]].lean_variance_rad2;
+  const bool known = n > 0 && variances.minCoeff() > 0.0;
+  const Weights w = weights(s_mm, points, known ? variances : Eigen::VectorXd::Ones(n), lean_cutoff_mm_);
+  Eigen::RowVectorXd together = Eigen::RowVectorXd::Zero(edge_.shared_lean_rad.cols());
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const std::size_t at = points[static_cast<std::size_t>(j)];
+    smoothed.lean_rad += w.value(j) * off_.lean_rad[at];
+    if (together.size() > 0) together += w.value(j) * edge_.shared_lean_rad.row(static_cast<Eigen::Index>(off_.points[at]));
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const double apart = std::abs(way(off_.s_mm[at], off_.s_mm[points[static_cast<std::size_t>(k)]]));
+      const double common = j == k ? 1.0 : std::max(0.0, 1.0 - apart / std::max(edge_.depths_mm, 1e-9));
+      smoothed.lean_variance_rad2 += w.value(j) * w.value(k) * common * std::sqrt(variances(j) * variances(k));
+    }
+  }
+  smoothed.lean_variance_rad2 = std::max(0.0, smoothed.lean_variance_rad2) + together.squaredNorm();
 }
 
 std::vector<Unmeasured> RimFilter::gaps() const {
@@ -128,6 +170,12 @@ std::vector<Unmeasured> RimFilter::gaps() const {
 
 Eigen::Vector2d RimFilter::mean_square_mm2() const {
   return off_.uv_mm.rowwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, off_.uv_mm.cols()));
+}
+
+double RimFilter::mean_square_lean_rad2() const {
+  double sum = 0.0;
+  for (const double lean : off_.lean_rad) sum += lean * lean;
+  return sum / std::max(1.0, static_cast<double>(off_.lean_rad.size()));
 }
 
 }  // namespace crosstie::edge::detail

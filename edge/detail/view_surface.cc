@@ -170,10 +170,13 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
   if (!(surface.inverse_depth > 0.0)) return std::nullopt;
   surface.sigma = std::sqrt(here.dot(chosen.cofactors * here)) * std::max(1.0, chosen.factor);
   surface.plane = Eigen::Vector3d(chosen.at(1), chosen.at(2), chosen.at(0));
+  const Eigen::Vector3i order(1, 2, 0);
+  surface.plane_cov = chosen.cofactors(order, order) * std::pow(std::max(1.0, chosen.factor), 2);
   surface.normal = -surface.plane.normalized();
   surface.count = chosen.count;
   // The value of a parabola in its middle has 9 / 4 of the variance of a mean: as if from 4 / 9 of its length.
-  surface.piece_px = 4.0 / 9.0 * 2.0 * half;
+  surface.extent_px = 2.0 * half;
+  surface.piece_px = 4.0 / 9.0 * surface.extent_px;
   const double z = 1.0 / surface.inverse_depth;
   surface.rms_mm = chosen.factor * math::median([&] {
                      std::vector<double> sigmas;

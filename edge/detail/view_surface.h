@@ -43,13 +43,15 @@ CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm
 /// plane; q and s are the distances across and along the edge [px]. The curvatures are always estimated: left out where noise hides them, they would
 /// move the surface at the edge by more than its sigma.
 struct LocalSurface {
-  Eigen::Vector3d plane = Eigen::Vector3d::Zero();   ///< b, c, a: 1 = plane . (X, Y, Z), across the normal
+  Eigen::Vector3d plane = Eigen::Vector3d::Zero();  ///< b, c, a: 1 = plane . (X, Y, Z), across the normal
+  Eigen::Matrix3d plane_cov = Eigen::Matrix3d::Zero();
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< unit, towards the camera
   double inverse_depth = 0.0;                        ///< at the edge [1/mm]
   double sigma = 0.0;                                ///< of it
   double rms_mm = 0.0;                               ///< of the depths about the surface
   int count = 0;
-  double piece_px = 0.0;  ///< along the edge: surfaces of edges as far from each other hardly share depths
+  double piece_px = 0.0;   ///< along the edge: heights of edges as far from each other hardly share depths
+  double extent_px = 0.0;  ///< of the depths, along the edge
 };
 
 /// The surface on the material side (against `out`) of an edge at `at_px`; nothing where too few depths lie there. Robust: Tukey's weights.

@@ -234,11 +234,14 @@ RimStatistics compare_rim(const base::EdgeCurve& curve, const Wall& wall) {
     result.rms_v_mm += v * v;
     result.normalised_u += u * u / across.dot(point.cov_mm2 * across);
     result.normalised_v += v * v / nearest->normal.dot(point.cov_mm2 * nearest->normal);
+    result.normalised_lean += std::pow(point.normal.dot(across), 2) / point.lean_variance_rad2;
     result.farthest_mm = std::max(result.farthest_mm, std::hypot(u, v));
     result.most_turn_rad = std::max(result.most_turn_rad, std::acos(std::min(1.0, nearest->normal.dot(point.normal))));
   }
   const auto n = static_cast<double>(std::max(1, result.count));
-  for (double* value : {&result.mean_u_mm, &result.mean_v_mm, &result.normalised_u, &result.normalised_v}) *value /= n;
+  for (double* value :
+       {&result.mean_u_mm, &result.mean_v_mm, &result.normalised_u, &result.normalised_v, &result.normalised_lean})
+    *value /= n;
   for (double* value : {&result.rms_u_mm, &result.rms_v_mm}) *value = std::sqrt(*value / n);
   double gaps = 0.0;
   for (const base::EdgeGap& gap : curve.gaps) gaps += gap.length_mm;
@@ -256,6 +259,7 @@ void RimStatistics::add(const RimStatistics& other) {
   mean(mean_v_mm, other.mean_v_mm);
   mean(normalised_u, other.normalised_u);
   mean(normalised_v, other.normalised_v);
+  mean(normalised_lean, other.normalised_lean);
   root(rms_u_mm, other.rms_u_mm);
   root(rms_v_mm, other.rms_v_mm);
   mean(covered, other.covered);

@@ -198,6 +198,7 @@ TEST_F(SegmentJob, TheTorchStandsOnTheWall) {
   EXPECT_TRUE(path->at("closed").get<bool>());
   const TrueRim rim = true_rim();
   double turned = 0.0, off = 0.0;
+  Eigen::Vector2d squares = Eigen::Vector2d::Zero();
   for (const auto& point : path->at("points")) {
     const auto vector = [&](const char* name) {
       const auto numbers = point.at(name).get<std::vector<double>>();
@@ -206,8 +207,15 @@ TEST_F(SegmentJob, TheTorchStandsOnTheWall) {
     std::size_t nearest = 0;
     off = std::max(off, rim.off_mm(vector("xyz_mm"), &nearest).norm());
     turned = std::max(turned, std::acos(std::min(1.0, vector("torch").dot(rim.normals[nearest]))));
+    const Vector3d& ahead = rim.tangents[nearest];
+    const auto sigmas = point.at("sigma_torch_rad").get<std::vector<double>>();
+    squares += Eigen::Vector2d(vector("torch").dot(rim.normals[nearest].cross(ahead)) / sigmas.at(0),
+                               vector("torch").dot(ahead) / sigmas.at(1))
+                   .cwiseAbs2();
   }
-  std::printf("path: at most %.4f mm and %.4f degrees off\n", off, turned * 57.29577951308232);
+  const Eigen::Vector2d ratios = (squares / static_cast<double>(path->at("points").size())).cwiseSqrt();
+  std::printf("path: at most %.4f mm and %.4f degrees off, over sigma %.2f across and %.2f along\n", off,
+              turned * 57.29577951308232, ratios(0), ratios(1));
   EXPECT_LT(turned, 0.5 / 57.29577951308232);
   EXPECT_LT(off, 1.0);
   for (const char* file : {"path.csv", "path.dxf", "path.ngc"}) EXPECT_TRUE(fs::exists(results("edge") / file)) << file;
