@@ -190,11 +190,12 @@ std::string correction_plot(const base::ToolPath& path) {
 }
 
 std::string path_section(const base::ToolPath& path) {
-  double most_u = 0.0, sigma_u = 0.0, nominal_mm = 0.0;
+  double most_u = 0.0, sigma_u = 0.0, sigma_torch = 0.0, nominal_mm = 0.0;
   for (std::size_t i = 0; i < path.points.size(); ++i) {
     const base::ToolPathPoint& point = path.points[i];
     most_u = std::max(most_u, std::abs(point.correction_u_mm));
     sigma_u = std::max(sigma_u, point.sigma_u_mm);
+    sigma_torch = std::max({sigma_torch, point.sigma_lean_rad, point.sigma_lead_rad});
     if (i > 0 && point.source != base::PathSource::kMeasured) nominal_mm += point.s_mm - path.points[i - 1].s_mm;
   }
   constexpr double kDegrees = 57.29577951308232;
@@ -208,6 +209,9 @@ std::string path_section(const base::ToolPath& path) {
               {"Largest correction across the rim", fmt::format("{} mm", detail::fixed(most_u, 3))},
               {"Largest sigma across the rim",
                fmt::format("{} mm, {}", detail::significant(sigma_u, 2), detail::expanded(sigma_u, "mm"))},
+              {"Largest sigma of the torch's direction",
+               fmt::format("{} degrees, {}", detail::significant(kDegrees * sigma_torch, 2),
+                           detail::expanded(kDegrees * sigma_torch, "degrees"))},
               {"Not measured",
                nominal_mm > 0.0 ? fmt::format("{} mm follow the nominal", detail::fixed(nominal_mm, 1)) : "nothing"},
               {"Files", "path.json, path.csv, path.dxf, path.ngc"}}) +
