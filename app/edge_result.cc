@@ -85,14 +85,14 @@ ordered_json edge_json(const edge::HoleEdge& hole, const std::optional<edge::Nom
 Result<> write_edge(const std::filesystem::path& path, const edge::HoleEdge& hole) {
   base::Table table;
   table.path = path;
-  table.columns = {"s_mm", "x_mm", "y_mm", "z_mm", "sigma_u_mm", "sigma_v_mm",     "nx",
-                   "ny",   "nz",   "tx",   "ty",   "tz",         "sigma_lean_rad", "source"};
+  table.columns = {"s_mm", "x_mm", "y_mm", "z_mm", "sigma_u_mm",       "sigma_v_mm",       "nx",    "ny",
+                   "nz",   "tx",   "ty",   "tz",   "sigma_tilt_u_rad", "sigma_tilt_t_rad", "source"};
   for (std::size_t i = 0; i < hole.curve.points.size(); ++i) {
     const base::EdgePoint& point = hole.curve.points[i];
     std::vector<std::string> row;
     for (const double value : {point.s_mm, point.point_mm.x(), point.point_mm.y(), point.point_mm.z(), point.sigma_u_mm,
                                point.sigma_v_mm, point.normal.x(), point.normal.y(), point.normal.z(), point.tangent.x(),
-                               point.tangent.y(), point.tangent.z(), point.sigma_lean_rad}) {
+                               point.tangent.y(), point.tangent.z(), point.sigma_tilt_rad.x(), point.sigma_tilt_rad.y()}) {
       row.push_back(base::format_double(value));
     }
     row.push_back(source_of(hole, i));

@@ -153,7 +153,7 @@ struct JobPart {
 struct JobPath {
   double step_mm = 2.0;
   double cutoff_mm = 10.0;
-  double lean_cutoff_mm = 60.0;
+  double tilt_cutoff_mm = 60.0;
   double max_correction_mm = 10.0;
   double max_slope = 0.1;
   double max_gap_mm = 50.0;

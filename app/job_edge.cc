@@ -77,7 +77,7 @@ ordered_json effective_options(const Job& job) {
           {"path",
            {{"step_mm", path.step_mm},
             {"cutoff_mm", path.cutoff_mm},
-            {"lean_cutoff_mm", path.lean_cutoff_mm},
+            {"tilt_cutoff_mm", path.tilt_cutoff_mm},
             {"max_correction_mm", path.max_correction_mm},
             {"max_slope", path.max_slope},
             {"max_gap_mm", path.max_gap_mm},

@@ -108,14 +108,14 @@ void read_part(const JobTable& root, Job& job) {
 void read_path(const JobTable& root, Job& job) {
   const auto table = root.table("path");
   if (!table) return;
-  table->check_keys("path", {"step_mm",      "cutoff_mm",     "lean_cutoff_mm", "max_correction_mm", "max_slope",
+  table->check_keys("path", {"step_mm",      "cutoff_mm",     "tilt_cutoff_mm", "max_correction_mm", "max_slope",
                              "max_gap_mm",   "blend_mm",      "direction",      "start_mm",          "bevel_rad",
                              "lead_rad",     "standoff_mm",   "offset_mm",      "speed_mm_per_s",    "max_turn_rad_per_s",
                              "reach_low_mm", "reach_high_mm", "retract_mm",     "gcode_template",    "arc_tolerance_mm"});
   JobPath& path = job.path;
   table->number("step_mm", path.step_mm);
   table->number("cutoff_mm", path.cutoff_mm);
-  table->number("lean_cutoff_mm", path.lean_cutoff_mm);
+  table->number("tilt_cutoff_mm", path.tilt_cutoff_mm);
   table->number("max_correction_mm", path.max_correction_mm);
   table->number("max_slope", path.max_slope);
   table->number("max_gap_mm", path.max_gap_mm, Domain::kNotNegative);

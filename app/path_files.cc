@@ -13,7 +13,7 @@ edge::ToolPathOptions path_options(const JobPath& path, const std::string& frame
   edge::ToolPathOptions options;
   options.step_mm = path.step_mm;
   options.cutoff_mm = path.cutoff_mm;
-  options.lean_cutoff_mm = path.lean_cutoff_mm;
+  options.tilt_cutoff_mm = path.tilt_cutoff_mm;
   options.max_correction_mm = path.max_correction_mm;
   options.max_slope = path.max_slope;
   options.max_gap_mm = path.max_gap_mm;

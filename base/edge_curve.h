@@ -16,9 +16,10 @@ struct EdgePoint {
   Eigen::Matrix3d cov_mm2 = Eigen::Matrix3d::Zero();   ///< of this point alone, independent of the others
   double sigma_u_mm = 0.0;                             ///< in the surface across the rim, all parts together
   double sigma_v_mm = 0.0;                             ///< along the normal, all parts together
-  double lean_variance_rad2 = 0.0;  ///< of the normal's turn about the tangent, of this point alone; see EdgeCurve::depths_mm
-  double sigma_lean_rad = 0.0;      ///< of it, all parts together
-  std::vector<int> stations = {};   ///< indices into EdgeCurve::stations, of those that saw it
+  /// Of the normal's tilts towards u and towards the tangent, of this point alone; see EdgeCurve::depths_mm.
+  Eigen::Vector2d tilt_variance_rad2 = Eigen::Vector2d::Zero();
+  Eigen::Vector2d sigma_tilt_rad = Eigen::Vector2d::Zero();  ///< of them, all parts together
+  std::vector<int> stations = {};                            ///< indices into EdgeCurve::stations, of those that saw it
 };
 
 /// A part of the rim that no station saw, or that what was seen contradicts; never bridged.
@@ -39,10 +40,10 @@ struct EdgeCurve {
   /// What the points share (calibration, poses of the stations): their joint error is shared_mm * z with z of unit variance, beside
   /// that of each point alone. x y z of each point, as many columns as there are shared causes.
   Eigen::MatrixXd shared_mm = {};
-  /// The same of the normals' turns about their tangents, towards growing u: a row of each point. Empty: they share none.
-  Eigen::MatrixXd shared_lean_rad = {};
+  /// The same of the normals' tilts: towards u, towards the tangent of each point. Empty: they share nothing.
+  Eigen::MatrixXd shared_tilt_rad = {};
   /// Length of rim before which the depths lie that tell a point's normal: points nearer to each other have depths in common, and the
-  /// correlation of their own turns falls linearly to none at this distance.
+  /// correlation of their own tilts falls linearly to none at this distance.
   double depths_mm = 0.0;
 };
 

@@ -64,7 +64,7 @@ Result<> write_tool_path_json(const std::filesystem::path& path, const ToolPath&
                               {"speed_mm_per_s", p.speed_mm_per_s},
                               {"correction_uv_mm", {p.correction_u_mm, p.correction_v_mm}},
                               {"sigma_uv_mm", {p.sigma_u_mm, p.sigma_v_mm}},
-                              {"sigma_torch_rad", {p.sigma_lean_rad, p.sigma_lead_rad}},
+                              {"sigma_torch_rad", {p.sigma_torch_rad.x(), p.sigma_torch_rad.y()}},
                               {"source", path_source_name(p.source)}});
   }
   return write_json(path, json);
@@ -91,8 +91,8 @@ Result<> write_tool_path_csv(const std::filesystem::path& path, const ToolPath& 
                    "correction_v_mm",
                    "sigma_u_mm",
                    "sigma_v_mm",
-                   "sigma_lean_rad",
-                   "sigma_lead_rad",
+                   "sigma_torch_u_rad",
+                   "sigma_torch_t_rad",
                    "source"};
   for (const ToolPathPoint& p : tool_path.points) {
     std::vector<std::string> row = {format_double(p.s_mm), format_double(p.time_s)};
@@ -100,7 +100,7 @@ Result<> write_tool_path_csv(const std::filesystem::path& path, const ToolPath& 
       for (const double value : v) row.push_back(format_double(value));
     }
     for (const double value : {p.speed_mm_per_s, p.correction_u_mm, p.correction_v_mm, p.sigma_u_mm, p.sigma_v_mm,
-                               p.sigma_lean_rad, p.sigma_lead_rad}) {
+                               p.sigma_torch_rad.x(), p.sigma_torch_rad.y()}) {
       row.push_back(format_double(value));
     }
     row.emplace_back(path_source_name(p.source));

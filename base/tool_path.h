@@ -27,7 +27,7 @@ struct ToolPathPoint {
   double s_mm = 0.0;                                   ///< along the path, from its first point
   double time_s = 0.0;                                 ///< since its first point
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();  ///< of the torch's tip
-  Eigen::Vector3d tangent = Eigen::Vector3d::UnitX();  ///< the way it goes
+  Eigen::Vector3d tangent = Eigen::Vector3d::UnitX();  ///< the way it goes, within the surface
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();   ///< of the surface, towards the head; across the tangent
   Eigen::Vector3d torch = Eigen::Vector3d::UnitZ();    ///< from the tip along the torch, away from the workpiece
   double speed_mm_per_s = 0.0;                         ///< on the way to this point
@@ -36,9 +36,8 @@ struct ToolPathPoint {
   double correction_v_mm = 0.0;
   double sigma_u_mm = 0.0;  ///< of the path across itself in the surface, all parts together
   double sigma_v_mm = 0.0;  ///< along the normal
-  /// Of the torch's direction, all parts together: across the way (its turn about the tangent) and along it.
-  double sigma_lean_rad = 0.0;
-  double sigma_lead_rad = 0.0;
+  /// Of the torch's direction, all parts together: its tilts towards u and along the way.
+  Eigen::Vector2d sigma_torch_rad = Eigen::Vector2d::Zero();
   PathSource source = PathSource::kMeasured;
 
   /// Axes of the tool's frame in columns: z along the torch, x as near to the tangent as that allows, y = z x x.
@@ -64,7 +63,7 @@ struct ToolPath {
 Result<> write_tool_path_json(const std::filesystem::path& path, const ToolPath& tool_path);
 
 /// s_mm,time_s,x_mm,y_mm,z_mm,tx,ty,tz,nx,ny,nz,torch_x,torch_y,torch_z,speed_mm_per_s,correction_u_mm,correction_v_mm,sigma_u_mm,
-/// sigma_v_mm,sigma_lean_rad,sigma_lead_rad,source; atomically.
+/// sigma_v_mm,sigma_torch_u_rad,sigma_torch_t_rad,source; atomically.
 Result<> write_tool_path_csv(const std::filesystem::path& path, const ToolPath& tool_path);
 
 /// DXF of release 12 with $INSUNITS 4 (mm): the path as a 3D polyline on the layer PATH, its stretches without a measurement on the

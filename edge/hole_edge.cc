@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -13,6 +14,7 @@
 #include "edge/detail/rim_candidates.h"
 #include "edge/detail/rim_line.h"
 #include "edge/detail/rim_search.h"
+#include "edge/detail/view_surface.h"
 #include "math/covariance_root.h"
 #include "math/distributions.h"
 #include "math/head_point.h"
@@ -54,8 +56,8 @@ struct Voice {
   double off_mm = 0.0;    // from the smooth line, away from the material
   double sigma_mm = 0.0;  // of it
   double surface_sigma_mm = 0.0;
-  double lean_sigma_rad = 0.0;  // of the normal's turn about the tangent
-  double slant = 0.0;           // by how much a point moves across the rim when its surface moves by one along the normal
+  Eigen::Vector2d tilt_sigma_rad = Eigen::Vector2d::Zero();  // of the normal's tilts, across the rim and along it
+  double slant = 0.0;  // by how much a point moves across the rim when its surface moves by one along the normal
   double band_mm = 0.0;
 };
 
@@ -67,7 +69,7 @@ struct Cell {
   Eigen::Vector3d across = Eigen::Vector3d::Zero();
   double sigma_mm = 0.0;
   double surface_sigma_mm = 0.0;
-  double lean_sigma_rad = 0.0;
+  Eigen::Vector2d tilt_sigma_rad = Eigen::Vector2d::Zero();
   double slant = 0.0;
   double off_mm = 0.0;
   double disagreement = 1.0;
@@ -95,7 +97,7 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
       voice.surface_sigma_mm += weight * member->surface_sigma_mm;
       const double facing = std::max(0.1, std::abs(member->ray.dot(member->normal)));
       voice.slant += weight * -member->ray.dot(line.across) / facing;
-      voice.lean_sigma_rad += weight * member->lean_sigma_rad;
+      voice.tilt_sigma_rad += weight * member->tilt_sigma_rad;
       voice.band_mm += weight * member->band_mm;
       variance += weight * member->sigma_mm * member->sigma_mm;
       const double along = line.along_mm(member->point_mm);
@@ -105,8 +107,8 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
       surface_piece += weight * member->surface_piece_mm;
       depths += weight * member->depths_mm;
     }
-    for (double* value : {&voice.off_mm, &voice.surface_sigma_mm, &voice.lean_sigma_rad, &voice.slant, &voice.band_mm, &piece,
-                          &surface_piece, &depths})
+    for (double* value :
+         {&voice.off_mm, &voice.surface_sigma_mm, &voice.slant, &voice.band_mm, &piece, &surface_piece, &depths})
       *value /= weights;
     voice.point_mm /= weights;
     voice.point_in_rig_mm /= weights;
@@ -114,7 +116,7 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
     // The mean of points on a curve lies on its inner side.
     voice.point_mm += (voice.off_mm - line.off_mm(voice.point_mm)) * line.across;
     voice.surface_sigma_mm *= std::sqrt(share_of_variance((extent_high - extent_low) / surface_piece));
-    voice.lean_sigma_rad *= std::sqrt(share_of_variance((extent_high - extent_low) / depths));
+    voice.tilt_sigma_rad *= std::sqrt(share_of_variance((extent_high - extent_low) / depths)) / weights;
     voice.sigma_mm = std::sqrt(variance / weights * share_of_variance((extent_high - extent_low) / piece));
     voices.push_back(voice);
   }
@@ -143,15 +145,15 @@ Cell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, HoleEdge
   }
   Cell cell;
   double weights = 0.0;
-  std::map<int, Eigen::Vector2d> by_station;
+  std::map<int, Eigen::Vector3d> by_station;
   for (const Voice& voice : voices) {
     const double weight = 1.0 / (voice.sigma_mm * voice.sigma_mm);
     weights += weight;
     cell.point_mm += weight * voice.point_mm;
     cell.normal += weight * voice.normal;
     cell.off_mm += weight * voice.off_mm;
-    by_station.try_emplace(voice.station, Eigen::Vector2d::Zero()).first->second +=
-        weight * Eigen::Vector2d(voice.surface_sigma_mm, voice.lean_sigma_rad);
+    by_station.try_emplace(voice.station, Eigen::Vector3d::Zero()).first->second +=
+        weight * Eigen::Vector3d(voice.surface_sigma_mm, voice.tilt_sigma_rad(0), voice.tilt_sigma_rad(1));
     cell.slant += weight * voice.slant;
   }
   cell.point_mm /= weights;
@@ -159,7 +161,7 @@ Cell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, HoleEdge
   // The cameras of a station stand on the same depths, stations on their own.
   for (const auto& [station, sigmas] : by_station) {
     cell.surface_sigma_mm = std::hypot(cell.surface_sigma_mm, sigmas(0) / weights);
-    cell.lean_sigma_rad = std::hypot(cell.lean_sigma_rad, sigmas(1) / weights);
+    for (int i = 0; i < 2; ++i) cell.tilt_sigma_rad(i) = std::hypot(cell.tilt_sigma_rad(i), sigmas(i + 1) / weights);
   }
   double squares = 0.0;
   for (const Voice& voice : voices) squares += std::pow((voice.off_mm - cell.off_mm) / voice.sigma_mm, 2);
@@ -205,10 +207,70 @@ Result<SharedParameters> shared_parameters(std::span<const StationView> stations
   return parameters;
 }
 
-/// What the shared parameters do to the points and their normals, as EdgeCurve has it; these turn towards Cell::across.
+/// A cell's surface as one station saw it, wide enough for its slopes; in the frame.
+struct Slope {
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  Eigen::Vector2d tilt_variance = Eigen::Vector2d::Zero();  ///< across the rim and along it
+  double extent_mm = 0.0;                                   ///< of its depths, along the rim
+};
+
+std::optional<Slope> slope_at(detail::CameraView& left, const base::Pose& frame_from_rig, const Cell& cell,
+                              const HoleEdgeOptions& options) {
+  constexpr double kStep_mm = 0.5;
+  const base::Pose rig_from_frame = frame_from_rig.inverse();
+  const Eigen::Vector3d across = rig_from_frame.rotation * cell.across;
+  const Eigen::Vector3d along = rig_from_frame.rotation * cell.across.cross(cell.normal);
+  const Eigen::Vector3d p = rig_from_frame * cell.point_mm;
+  const auto at = left.camera().project(p);
+  const auto inside = left.camera().project(p - kStep_mm * across);
+  const auto beside = left.camera().project(p + kStep_mm * along);
+  if (!at || !inside || !beside) return std::nullopt;
+  // Square to the edge in the image, as edge pixels have it.
+  const Eigen::Vector2d edge = (*beside - *at).normalized();
+  Eigen::Vector2d out(-edge.y(), edge.x());
+  if (out.dot(*at - *inside) < 0.0) out = -out;
+  Eigen::Matrix3d axes;
+  axes << across, along, rig_from_frame.rotation * cell.normal;
+  const auto found = detail::slope_before(left, *at, out, options.surface_guard_px, options.normal_reach_px, p, axes);
+  if (!found) return std::nullopt;
+  const Eigen::Vector3d normal = axes.col(2) - found->slope(0) * across - found->slope(1) * along;
+  return Slope{frame_from_rig.rotation * normal.normalized(), found->cov.diagonal(),
+               found->extent_px * kStep_mm / (*beside - *at).norm()};
+}
+
+/// Normals of the cells from wide surfaces, where these are known, else of their edge pixels' own; the length of rim that they span, its median.
+double turn_normals(std::vector<Cell>& cells, std::span<const StationView> stations, const HoleEdgeOptions& options) {
+  std::vector<Eigen::Vector3d> normals(cells.size(), Eigen::Vector3d::Zero());
+  std::vector<Eigen::Vector2d> variances(cells.size(), Eigen::Vector2d::Zero());
+  std::vector<double> weights(cells.size(), 0.0);
+  std::vector<double> extents;
+  for (std::size_t s = 0; s < stations.size(); ++s) {
+    detail::CameraView left(stations[s].head->left, *stations[s].depth_mm, *stations[s].sigma_mm);
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      const auto saw = [&](const Voice& voice) { return voice.station == static_cast<int>(s); };
+      if (std::none_of(cells[i].voices.begin(), cells[i].voices.end(), saw)) continue;
+      const auto slope = slope_at(left, stations[s].frame_from_rig, cells[i], options);
+      if (!slope || slope->normal.dot(cells[i].normal) < std::cos(options.max_turn_rad)) continue;
+      normals[i] += slope->normal / slope->tilt_variance.sum();
+      weights[i] += 1.0 / slope->tilt_variance.sum();
+      variances[i] += slope->tilt_variance / std::pow(slope->tilt_variance.sum(), 2);
+      extents.push_back(slope->extent_mm);
+    }
+  }
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    if (weights[i] == 0.0) continue;
+    Cell& cell = cells[i];
+    cell.normal = normals[i].normalized();
+    cell.tilt_sigma_rad = variances[i].cwiseSqrt() / weights[i];
+    cell.across = (cell.across - cell.across.dot(cell.normal) * cell.normal).normalized();
+  }
+  return extents.empty() ? 0.0 : math::median(extents);
+}
+
+/// What the shared parameters do to the points and their normals, as EdgeCurve has it; these tilt towards Cell::across and along across x normal.
 struct SharedParts {
   Eigen::MatrixXd points_mm;
-  Eigen::MatrixXd leans_rad;
+  Eigen::MatrixXd tilts_rad;
 };
 
 /// Where the head was adjusted, the cells follow.
@@ -217,45 +279,42 @@ SharedParts shared_parts(std::vector<Cell>& cells, std::span<const StationView> 
   constexpr double kBase_mm = 10.0;  // to either side, over which slopes are taken
   const Eigen::MatrixXd causes = math::covariance_root(parameters.cov).root;
   const auto count = static_cast<Eigen::Index>(cells.size());
-  SharedParts shared{Eigen::MatrixXd::Zero(3 * count, causes.cols()), Eigen::MatrixXd::Zero(count, causes.cols())};
+  SharedParts shared{Eigen::MatrixXd::Zero(3 * count, causes.cols()), Eigen::MatrixXd::Zero(2 * count, causes.cols())};
   if (causes.cols() == 0 && head_change.size() == 0) return shared;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     double weights = 0.0;
     for (const Voice& voice : cells[i].voices) weights += 1.0 / (voice.sigma_mm * voice.sigma_mm);
     Eigen::Matrix3Xd jacobian = Eigen::Matrix3Xd::Zero(3, parameters.cov.cols());
-    Eigen::RowVectorXd slope = Eigen::RowVectorXd::Zero(parameters.cov.cols());
+    Eigen::Matrix<double, 2, Eigen::Dynamic> slopes = Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, parameters.cov.cols());
     const Eigen::Vector3d& normal = cells[i].normal;
-    const Eigen::Vector3d& across = cells[i].across;
+    const std::array<Eigen::Vector3d, 2> directions = {cells[i].across, cells[i].across.cross(normal)};
     Eigen::Vector3d moved = Eigen::Vector3d::Zero();
     for (const Voice& voice : cells[i].voices) {
       const double share = 1.0 / (voice.sigma_mm * voice.sigma_mm) / weights;
       const StationView& view = stations[static_cast<std::size_t>(voice.station)];
       const Eigen::Matrix3d turn = view.frame_from_rig.rotation.toRotationMatrix();
-      const Eigen::Vector3d aside = kBase_mm * (turn.transpose() * across);
       const Eigen::Matrix3Xd by_head = share * turn * math::point_by_head(*view.head, voice.point_in_rig_mm);
       if (head_change.size() > 0) moved += by_head * head_change;
       const Eigen::Index head = parameters.heads.at(view.head);
       jacobian.middleCols(head, by_head.cols()) += by_head;
-      slope.segment(head, by_head.cols()) += share / (2.0 * kBase_mm) * (normal.transpose() * turn) *
-                                             (math::point_by_head(*view.head, voice.point_in_rig_mm + aside) -
-                                              math::point_by_head(*view.head, voice.point_in_rig_mm - aside));
       const auto pose = 6 * static_cast<Eigen::Index>(voice.station);
       jacobian.middleCols<3>(pose) -= share * base::skew(voice.point_mm);
-      slope.segment<3>(pose) -= share * normal.transpose() * base::skew(across);
+      for (Eigen::Index d = 0; d < 2; ++d) {
+        const Eigen::Vector3d& direction = directions[static_cast<std::size_t>(d)];
+        const Eigen::Vector3d aside = kBase_mm * (turn.transpose() * direction);
+        slopes.row(d).segment(head, by_head.cols()) += share / (2.0 * kBase_mm) * (normal.transpose() * turn) *
+                                                       (math::point_by_head(*view.head, voice.point_in_rig_mm + aside) -
+                                                        math::point_by_head(*view.head, voice.point_in_rig_mm - aside));
+        slopes.row(d).segment<3>(pose) -= share * normal.transpose() * base::skew(direction);
+      }
       jacobian.middleCols<3>(pose + 3) += share * Eigen::Matrix3d::Identity();
     }
     cells[i].point_mm += moved;
     if (causes.cols() == 0) continue;
     shared.points_mm.middleRows<3>(3 * static_cast<Eigen::Index>(i)) = jacobian * causes;
-    shared.leans_rad.row(static_cast<Eigen::Index>(i)) = -slope * causes;
+    shared.tilts_rad.middleRows<2>(2 * static_cast<Eigen::Index>(i)) = -slopes * causes;
   }
   return shared;
-}
-
-double depths_mm(const std::vector<RimCandidate>& rim) {
-  std::vector<double> lengths;
-  for (const RimCandidate& candidate : rim) lengths.push_back(candidate.depths_mm);
-  return math::median(lengths);
 }
 
 /// Scatter of the cells about the line through their neighbours, themselves left out, over what their sigmas say.
@@ -324,6 +383,10 @@ Result<> HoleEdgeOptions::validate() const {
   if (!(surface_guard_px >= 0.0 && surface_reach_px >= surface_guard_px + 5.0))
     return bad(
         fmt::format("the surface is fitted from {} to {} px: at least 5 px are asked for", surface_guard_px, surface_reach_px));
+  if (!(normal_reach_px >= surface_reach_px)) {
+    return bad(
+        fmt::format("normals are fitted to {} px and surfaces to {}: normals need no less", normal_reach_px, surface_reach_px));
+  }
   if (!(max_off_face_mm > 0.0)) return bad(fmt::format("max_off_face_mm is {}, it must be positive", max_off_face_mm));
   if (!(max_turn_rad > 0.0 && max_turn_rad < 1.5)) return bad(fmt::format("max_turn_rad is {}, not in (0, 1.5)", max_turn_rad));
   if (!(max_w > 0.0)) return bad(fmt::format("max_w is {}, it must be positive", max_w));
@@ -409,10 +472,10 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   if (!curve.closed) std::rotate(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(next(widest)), points.end());
   std::vector<double> off;
   result.roughness_factor = roughness(points, cells->reach_mm(), off);
+  curve.depths_mm = turn_normals(points, stations, options);
   const SharedParts parts = shared_parts(points, stations, *parameters, shared.head_change);
   curve.shared_mm = parts.points_mm;
-  curve.shared_lean_rad = parts.leans_rad;
-  curve.depths_mm = depths_mm(rim);
+  curve.shared_tilt_rad = parts.tilts_rad;
   double s = 0.0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     Cell& here = points[i];
@@ -432,7 +495,8 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     const double way = tangent.dot(ahead) < 0.0 ? -1.0 : 1.0;
     point.tangent = way * tangent;
     const Eigen::Vector3d u = way * here.across;
-    curve.shared_lean_rad.row(static_cast<Eigen::Index>(i)) *= way;
+    auto tilts = curve.shared_tilt_rad.middleRows<2>(2 * static_cast<Eigen::Index>(i));
+    tilts *= way;
     here.sigma_mm *= result.roughness_factor;
     const Eigen::Vector3d by_surface = here.surface_sigma_mm * (here.normal + here.slant * here.across);
     point.cov_mm2 = here.sigma_mm * here.sigma_mm * u * u.transpose() + by_surface * by_surface.transpose();
@@ -443,9 +507,8 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
     }
     point.sigma_u_mm = std::sqrt(u.dot(whole * u));
     point.sigma_v_mm = std::sqrt(point.normal.dot(whole * point.normal));
-    point.lean_variance_rad2 = here.lean_sigma_rad * here.lean_sigma_rad;
-    point.sigma_lean_rad =
-        std::sqrt(point.lean_variance_rad2 + curve.shared_lean_rad.row(static_cast<Eigen::Index>(i)).squaredNorm());
+    point.tilt_variance_rad2 = here.tilt_sigma_rad.cwiseAbs2();
+    point.sigma_tilt_rad = (point.tilt_variance_rad2 + tilts.rowwise().squaredNorm()).cwiseSqrt();
     RimPoint detail_of;
     detail_of.off_neighbours_mm = off[i];
     for (const Voice& voice : here.voices) {

@@ -64,6 +64,8 @@ struct HoleEdgeOptions {
   /// How far to the material side the surface is fitted [px], and from which distance on, so that no pixel sees the edge.
   double surface_reach_px = 25.0;
   double surface_guard_px = 2.5;
+  /// How far it is fitted for the normal alone, whose slope across the rim a narrow strip hardly tells.
+  double normal_reach_px = 60.0;
   /// Edge pixels on a surface that lies farther than this from the face about the hole belong to something else: ledges, the far rim.
   double max_off_face_mm = 3.0;
   double max_turn_rad = 0.5;  ///< of an edge pixel's surface against the face: the cut face beyond the rim stands upright on it
@@ -113,7 +115,8 @@ struct HoleEdge {
 /// significant; robust). What lies on another surface than the face about the hole goes: ledges and the far rim by their distance, the cut
 /// face by its direction. The rest is ordered by the angle about its middle in the face's plane (the rim must be seen whole from there: convex
 /// ones are), and gathered into cells along the rim. In a cell, each camera's positions become one (pixels of one piece of edge are one
-/// measurement), cameras and stations are fused by their sigmas, after those went that contradict their neighbours' smooth line.
+/// measurement), cameras and stations are fused by their sigmas, after those went that contradict their neighbours' smooth line. Its normal
+/// is that of a wider surface, fitted once for each station that saw it.
 /// Covariance: across the rim of the images and of the surface's slope, along the normal of the surface's fit; what calibration and poses
 /// add is shared by all points of a station and stands in EdgeCurve::shared_mm.
 /// Errors: options; kInternal for a `shared` of another size; kNoUniqueSolution where no rim is found, with what became of the edge pixels.

@@ -208,7 +208,7 @@ EdgeDeviations deviations(const EdgeCurve& edge, const NominalCurve& nominal, co
   EdgeDeviations result;
   const base::Pose back = frame_from_hole.inverse();
   const Eigen::Matrix3d turn = back.rotation.toRotationMatrix();
-  std::vector<Eigen::Vector2d> uv;
+  std::vector<Eigen::Vector2d> uv, tilts;
   std::vector<Eigen::MatrixXd> shared;
   for (std::size_t i = 0; i < edge.points.size(); ++i) {
     const Eigen::Vector3d q = back * edge.points[i].point_mm;
@@ -221,16 +221,18 @@ EdgeDeviations deviations(const EdgeCurve& edge, const NominalCurve& nominal, co
     result.points.push_back(i);
     result.s_mm.push_back(place.s_mm);
     const Eigen::Vector3d normal = turn * edge.points[i].normal;
-    result.lean_rad.push_back(std::atan2(normal.dot(across.row(0)), normal.dot(place.normal)));
+    tilts.emplace_back(Eigen::Vector2d(normal.dot(across.row(0)), normal.dot(place.tangent)) / normal.dot(place.normal));
     uv.emplace_back(across * off);
     result.cov_mm2.emplace_back(e * edge.points[i].cov_mm2 * e.transpose());
     if (edge.shared_mm.cols() > 0) shared.emplace_back(e * edge.shared_mm.middleRows<3>(static_cast<Eigen::Index>(3 * i)));
   }
   const auto n = static_cast<Eigen::Index>(uv.size());
   result.uv_mm.resize(2, n);
+  result.tilt_rad.resize(2, n);
   result.shared_mm.resize(2 * n, edge.shared_mm.cols());
   for (Eigen::Index i = 0; i < n; ++i) {
     result.uv_mm.col(i) = uv[static_cast<std::size_t>(i)];
+    result.tilt_rad.col(i) = tilts[static_cast<std::size_t>(i)];
     if (edge.shared_mm.cols() > 0) result.shared_mm.middleRows<2>(2 * i) = shared[static_cast<std::size_t>(i)];
   }
   return result;

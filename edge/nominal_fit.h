@@ -21,7 +21,7 @@ struct EdgeDeviations {
   Eigen::Matrix2Xd uv_mm = {};
   std::vector<Eigen::Matrix2d> cov_mm2 = {};  ///< of u and v, of each point alone
   Eigen::MatrixXd shared_mm = {};             ///< u v of each, as EdgeCurve::shared_mm
-  std::vector<double> lean_rad = {};          ///< of the measured normal from the nominal one, towards growing u
+  Eigen::Matrix2Xd tilt_rad = {};  ///< of the measured normal from the nominal one, towards u and the nominal's tangent
 
   /// Of u (row 0) or v (row 1), all parts together; not that of the nominal's place.
   [[nodiscard]] double sigma_mm(std::size_t i, int row) const;

@@ -36,8 +36,8 @@ struct Node {
   Eigen::Vector3d nominal_tangent = Eigen::Vector3d::UnitX();
   Eigen::Vector2d correction = Eigen::Vector2d::Zero();
   Eigen::Vector2d variance = Eigen::Vector2d::Zero();
-  double lean = 0.0;                                             ///< of the surface from the nominal's normal, towards inside
-  Eigen::Vector2d direction_variance = Eigen::Vector2d::Zero();  ///< of lean, and along the way
+  Eigen::Vector2d tilt = Eigen::Vector2d::Zero();  ///< of the surface from that normal, towards inside and the tangent
+  Eigen::Vector2d tilt_variance = Eigen::Vector2d::Zero();
   PathSource source = PathSource::kMeasured;
 };
 
@@ -105,7 +105,7 @@ class PathMaker {
       return fail(ErrorCode::kBadInput,
                   fmt::format("{} points of the rim lie beside the nominal path; nothing corrects it", off_.points.size()));
     }
-    filter_.emplace(edge_, off_, nominal_.length_mm(), nominal_.closed(), options_.cutoff_mm, options_.lean_cutoff_mm);
+    filter_.emplace(edge_, off_, nominal_.length_mm(), nominal_.closed(), options_.cutoff_mm, options_.tilt_cutoff_mm);
     gaps_ = filter_->gaps();
     if (auto good = check_gaps(); !good) return fail(std::move(good));
     path_.frame = edge_.frame;
@@ -152,8 +152,8 @@ class PathMaker {
     return {u.dot(cov * u), v.dot(cov * v)};
   }
 
-  /// Variances of its normal's turn about the tangent and about u.
-  [[nodiscard]] Eigen::Vector2d place_direction_variance(const Eigen::Vector3d& t, const Eigen::Vector3d& u) const {
+  /// Of its normal's tilts towards u and the tangent: turns about the tangent and u.
+  [[nodiscard]] Eigen::Vector2d place_tilt_variance(const Eigen::Vector3d& t, const Eigen::Vector3d& u) const {
     const Eigen::Matrix3d cov = place_cov_.topLeftCorner<3, 3>();
     return {t.dot(cov * t), u.dot(cov * u)};
   }
@@ -172,15 +172,15 @@ class PathMaker {
       if (auto good = check(here, node.s_mm); !good) return fail(std::move(good));
       node.correction = here.uv_mm;
       node.variance = here.variance_mm2;
-      node.lean = here.lean_rad;
-      node.direction_variance = {here.lean_variance_rad2, here.slope_variance};
+      node.tilt = here.tilt_rad;
+      node.tilt_variance = here.tilt_variance_rad2;
     } else {
       const double blend = std::min(options_.blend_mm, 0.5 * (in.gap->to_mm - in.gap->from_mm));
       const Eigen::Vector2d nominal_variance = place_variance(bare, node.inside, node.normal) + filter_->mean_square_mm2();
-      const Eigen::Vector2d nominal_directions = place_direction_variance(node.nominal_tangent, node.inside) +
-                                                 Eigen::Vector2d::Constant(filter_->mean_square_lean_rad2());
+      const Eigen::Vector2d nominal_tilts =
+          place_tilt_variance(node.nominal_tangent, node.inside) + filter_->mean_square_tilt_rad2();
       node.variance = nominal_variance;
-      node.direction_variance = nominal_directions;
+      node.tilt_variance = nominal_tilts;
       node.source = PathSource::kNominal;
       const bool at_open_end = !nominal_.closed() && (in.gap->from_mm <= 0.0 || in.gap->to_mm >= nominal_.length_mm());
       const auto from_end_of = [&](double end_mm, double way) {
@@ -189,9 +189,8 @@ class PathMaker {
         const Smoothed there = filter_->at(wrapped(end_mm));
         node.correction += share * there.uv_mm;
         node.variance += share * share * there.variance_mm2 - share * nominal_variance;
-        node.lean += share * there.lean_rad;
-        node.direction_variance +=
-            share * share * Eigen::Vector2d(there.lean_variance_rad2, there.slope_variance) - share * nominal_directions;
+        node.tilt += share * there.tilt_rad;
+        node.tilt_variance += share * share * there.tilt_variance_rad2 - share * nominal_tilts;
         node.source = PathSource::kBlend;
       };
       if (!(at_open_end && in.gap->from_mm <= 0.0)) from_end_of(in.gap->from_mm, in.from_start);
@@ -236,9 +235,8 @@ class PathMaker {
                                 node.s_mm, options_.offset_mm));
       }
       ToolPathPoint p;
-      p.tangent = chord.normalized();
-      const Eigen::Vector3d normal = std::cos(node.lean) * node.normal + std::sin(node.lean) * node.inside;
-      p.normal = (normal - normal.dot(p.tangent) * p.tangent).normalized();
+      p.normal = (node.normal + node.tilt(0) * node.inside + node.tilt(1) * node.nominal_tangent).normalized();
+      p.tangent = (chord - chord.dot(p.normal) * p.normal).normalized();
       const Eigen::Vector3d inside = way_sign * p.normal.cross(p.tangent);
       p.torch =
           std::cos(options_.lead_rad) * (std::cos(options_.bevel_rad) * p.normal + std::sin(options_.bevel_rad) * inside) +
@@ -248,8 +246,7 @@ class PathMaker {
       p.correction_v_mm = node.correction(1);
       p.sigma_u_mm = std::sqrt(std::max(0.0, node.variance(0)));
       p.sigma_v_mm = std::sqrt(std::max(0.0, node.variance(1)));
-      p.sigma_lean_rad = std::sqrt(std::max(0.0, node.direction_variance(0)));
-      p.sigma_lead_rad = std::sqrt(std::max(0.0, node.direction_variance(1)));
+      p.sigma_torch_rad = node.tilt_variance.cwiseMax(0.0).cwiseSqrt();
       p.source = node.source;
       p.speed_mm_per_s = options_.speed_mm_per_s;
       if (i > 0) {
@@ -372,7 +369,7 @@ Result<> ToolPathOptions::validate() const {
   };
   for (const auto& [name, value] : {std::pair{"step_mm", step_mm},
                                     {"cutoff_mm", cutoff_mm},
-                                    {"lean_cutoff_mm", lean_cutoff_mm},
+                                    {"tilt_cutoff_mm", tilt_cutoff_mm},
                                     {"max_correction_mm", max_correction_mm},
                                     {"max_slope", max_slope},
                                     {"blend_mm", blend_mm},

@@ -25,7 +25,7 @@ struct ToolPathOptions {
   double cutoff_mm = 10.0;
   /// The same of the normals: 60 mm, about twice a wall's thickness, below which a plate does not bend; the torch need not follow the noise of
   /// the surface's slopes.
-  double lean_cutoff_mm = 60.0;
+  double tilt_cutoff_mm = 60.0;
   double max_correction_mm = 10.0;  ///< more is an Error: the hole is not where, or not what, it should be
   double max_slope = 0.1;           ///< change of the correction per length, more is an Error: spatter or a shadow, and no rim
   double max_gap_mm = 50.0;         ///< a longer stretch without a measured rim is an Error
@@ -50,8 +50,9 @@ struct ToolPathOptions {
 ///     min sum_j w_j (d_j - a - b (s_j - s) - c (s_j - s)^2)^2,   w_j = exp(-pi ((s_j - s) / (0.7309 cutoff))^2) / sigma_j^2,
 /// that is d(s) = sum_j h_j d_j, so its variance is known: sum_j h_j^2 sigma_j^2 of what each point has alone and |sum_j h_j S_j|^2 of
 /// what they share, which does not average down. What the rim's points share moves the path with them; where the nominal was placed
-/// does not matter where it is corrected. Normals are the nominal's, turned about the tangent by the measured surface's lean, which is
-/// smoothed in the same way by its own cutoff; in gaps they are the nominal's.
+/// does not matter where it is corrected. Normals are the nominal's, tilted as the measured surface is from
+/// them, which is smoothed in the same way by its own cutoff; in gaps they are the nominal's. Tangents are the way within that
+/// surface: positions tell its slope along the way less well than the surface itself.
 ///
 /// A gap is what the rim calls so, and any stretch between points that is longer than cutoff and four usual distances. There the
 /// nominal is kept: the correction fades out over blend_mm from either end, and sigma is that of the nominal's place (`place_cov`)

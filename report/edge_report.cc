@@ -195,7 +195,7 @@ std::string path_section(const base::ToolPath& path) {
     const base::ToolPathPoint& point = path.points[i];
     most_u = std::max(most_u, std::abs(point.correction_u_mm));
     sigma_u = std::max(sigma_u, point.sigma_u_mm);
-    sigma_torch = std::max({sigma_torch, point.sigma_lean_rad, point.sigma_lead_rad});
+    sigma_torch = std::max(sigma_torch, point.sigma_torch_rad.maxCoeff());
     if (i > 0 && point.source != base::PathSource::kMeasured) nominal_mm += point.s_mm - path.points[i - 1].s_mm;
   }
   constexpr double kDegrees = 57.29577951308232;

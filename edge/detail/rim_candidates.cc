@@ -68,7 +68,8 @@ std::optional<RimCandidate> candidate(CameraView& view, const base::EdgePixel& e
   result.piece_mm = piece_px * (*right - *left).norm() / (2.0 * kStep_px);
   result.surface_piece_mm = result.piece_mm / piece_px * surface->piece_px;
   result.depths_mm = result.piece_mm / piece_px * surface->extent_px;
-  result.lean_sigma_rad = std::sqrt(result.out.dot(surface->plane_cov * result.out)) / surface->plane.norm();
+  for (const auto& [i, direction] : {std::pair{0, result.out}, {1, tangent}})
+    result.tilt_sigma_rad(i) = std::sqrt(direction.dot(surface->plane_cov * direction)) / surface->plane.norm();
   const double z = at->z();
   result.surface_sigma_mm = surface->sigma * z * z * std::abs(result.normal.dot(*ray / ray->z()));
   return result;

@@ -20,8 +20,8 @@ constexpr double kUsualDistances = 4.0;  // points farther apart leave a gap
 }  // namespace
 
 RimFilter::RimFilter(const base::EdgeCurve& edge, const EdgeDeviations& off, double length_mm, bool closed, double cutoff_mm,
-                     double lean_cutoff_mm)
-    : edge_(edge), off_(off), length_mm_(length_mm), closed_(closed), cutoff_mm_(cutoff_mm), lean_cutoff_mm_(lean_cutoff_mm) {
+                     double tilt_cutoff_mm)
+    : edge_(edge), off_(off), length_mm_(length_mm), closed_(closed), cutoff_mm_(cutoff_mm), tilt_cutoff_mm_(tilt_cutoff_mm) {
   order_.resize(off.s_mm.size());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
   std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) { return off.s_mm[a] < off.s_mm[b]; });
@@ -33,7 +33,7 @@ RimFilter::RimFilter(const base::EdgeCurve& edge, const EdgeDeviations& off, dou
     std::nth_element(spacings.begin(), middle, spacings.end());
     spacing_mm_ = *middle;
   }
-  for (double* cutoff : {&cutoff_mm_, &lean_cutoff_mm_}) *cutoff = std::max(*cutoff, kPointsPerCutoff * spacing_mm_);
+  for (double* cutoff : {&cutoff_mm_, &tilt_cutoff_mm_}) *cutoff = std::max(*cutoff, kPointsPerCutoff * spacing_mm_);
 }
 
 double RimFilter::way(double from_mm, double to_mm) const {
@@ -75,18 +75,6 @@ RimFilter::Weights RimFilter::weights(double s_mm, std::vector<std::size_t> near
   return result;
 }
 
-/// Of sum_j shares_j d_j, d being u (row 0) or v (row 1).
-double RimFilter::variance(const Weights& weights, const Eigen::RowVectorXd& shares, int row) const {
-  double alone = 0.0;
-  Eigen::RowVectorXd together = Eigen::RowVectorXd::Zero(off_.shared_mm.cols());
-  for (Eigen::Index j = 0; j < shares.size(); ++j) {
-    const std::size_t i = weights.near[static_cast<std::size_t>(j)];
-    alone += shares(j) * shares(j) * off_.cov_mm2[i](row, row);
-    if (together.size() > 0) together += shares(j) * off_.shared_mm.row(static_cast<Eigen::Index>(2 * i) + row);
-  }
-  return alone + together.squaredNorm();
-}
-
 Smoothed RimFilter::at(double s_mm) const {
   Smoothed result;
   const std::vector<std::size_t> points = near(s_mm, kReach * cutoff_mm_);
@@ -95,39 +83,45 @@ Smoothed RimFilter::at(double s_mm) const {
     for (Eigen::Index j = 0; j < variances.size(); ++j)
       variances(j) = off_.cov_mm2[points[static_cast<std::size_t>(j)]](row, row);
     const Weights w = weights(s_mm, points, variances, cutoff_mm_);
+    Eigen::RowVectorXd together = Eigen::RowVectorXd::Zero(off_.shared_mm.cols());
     for (Eigen::Index j = 0; j < variances.size(); ++j) {
-      const double d = off_.uv_mm(row, static_cast<Eigen::Index>(points[static_cast<std::size_t>(j)]));
-      result.uv_mm(row) += w.value(j) * d;
-      result.slope(row) += w.slope(j) * d;
+      const auto i = static_cast<Eigen::Index>(points[static_cast<std::size_t>(j)]);
+      result.uv_mm(row) += w.value(j) * off_.uv_mm(row, i);
+      result.slope(row) += w.slope(j) * off_.uv_mm(row, i);
+      result.variance_mm2(row) += w.value(j) * w.value(j) * variances(j);
+      if (together.size() > 0) together += w.value(j) * off_.shared_mm.row(2 * i + row);
     }
-    result.variance_mm2(row) = variance(w, w.value, row);
-    if (row == 1) result.slope_variance = variance(w, w.slope, row);
+    result.variance_mm2(row) += together.squaredNorm();
   }
-  add_lean(s_mm, result);
+  add_tilt(s_mm, result);
   return result;
 }
 
-void RimFilter::add_lean(double s_mm, Smoothed& smoothed) const {
-  const std::vector<std::size_t> points = near(s_mm, kReach * lean_cutoff_mm_);
+void RimFilter::add_tilt(double s_mm, Smoothed& smoothed) const {
+  const std::vector<std::size_t> points = near(s_mm, kReach * tilt_cutoff_mm_);
   const auto n = static_cast<Eigen::Index>(points.size());
-  // Of points whose normals have no variance all count alike.
-  Eigen::VectorXd variances(n);
-  for (Eigen::Index j = 0; j < n; ++j)
-    variances(j) = edge_.points[off_.points[points[static_cast<std::size_t>(j)]]].lean_variance_rad2;
-  const bool known = n > 0 && variances.minCoeff() > 0.0;
-  const Weights w = weights(s_mm, points, known ? variances : Eigen::VectorXd::Ones(n), lean_cutoff_mm_);
-  Eigen::RowVectorXd together = Eigen::RowVectorXd::Zero(edge_.shared_lean_rad.cols());
-  for (Eigen::Index j = 0; j < n; ++j) {
-    const std::size_t at = points[static_cast<std::size_t>(j)];
-    smoothed.lean_rad += w.value(j) * off_.lean_rad[at];
-    if (together.size() > 0) together += w.value(j) * edge_.shared_lean_rad.row(static_cast<Eigen::Index>(off_.points[at]));
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const double apart = std::abs(way(off_.s_mm[at], off_.s_mm[points[static_cast<std::size_t>(k)]]));
-      const double common = j == k ? 1.0 : std::max(0.0, 1.0 - apart / std::max(edge_.depths_mm, 1e-9));
-      smoothed.lean_variance_rad2 += w.value(j) * w.value(k) * common * std::sqrt(variances(j) * variances(k));
+  for (int row = 0; row < 2; ++row) {
+    Eigen::VectorXd variances(n);
+    for (Eigen::Index j = 0; j < n; ++j)
+      variances(j) = edge_.points[off_.points[points[static_cast<std::size_t>(j)]]].tilt_variance_rad2(row);
+    // Of points whose normals have no variance all count alike.
+    const bool known = n > 0 && variances.minCoeff() > 0.0;
+    const Weights w = weights(s_mm, points, known ? variances : Eigen::VectorXd::Ones(n), tilt_cutoff_mm_);
+    Eigen::RowVectorXd together = Eigen::RowVectorXd::Zero(edge_.shared_tilt_rad.cols());
+    double alone = 0.0;
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const std::size_t at = points[static_cast<std::size_t>(j)];
+      smoothed.tilt_rad(row) += w.value(j) * off_.tilt_rad(row, static_cast<Eigen::Index>(at));
+      if (together.size() > 0)
+        together += w.value(j) * edge_.shared_tilt_rad.row(2 * static_cast<Eigen::Index>(off_.points[at]) + row);
+      for (Eigen::Index k = 0; k < n; ++k) {
+        const double apart = std::abs(way(off_.s_mm[at], off_.s_mm[points[static_cast<std::size_t>(k)]]));
+        const double common = j == k ? 1.0 : std::max(0.0, 1.0 - apart / std::max(edge_.depths_mm, 1e-9));
+        alone += w.value(j) * w.value(k) * common * std::sqrt(variances(j) * variances(k));
+      }
     }
+    smoothed.tilt_variance_rad2(row) = std::max(0.0, alone) + together.squaredNorm();
   }
-  smoothed.lean_variance_rad2 = std::max(0.0, smoothed.lean_variance_rad2) + together.squaredNorm();
 }
 
 std::vector<Unmeasured> RimFilter::gaps() const {
@@ -172,10 +166,8 @@ Eigen::Vector2d RimFilter::mean_square_mm2() const {
   return off_.uv_mm.rowwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, off_.uv_mm.cols()));
 }
 
-double RimFilter::mean_square_lean_rad2() const {
-  double sum = 0.0;
-  for (const double lean : off_.lean_rad) sum += lean * lean;
-  return sum / std::max(1.0, static_cast<double>(off_.lean_rad.size()));
+Eigen::Vector2d RimFilter::mean_square_tilt_rad2() const {
+  return off_.tilt_rad.rowwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, off_.tilt_rad.cols()));
 }
 
 }  // namespace crosstie::edge::detail

@@ -14,9 +14,9 @@ struct Smoothed {
   Eigen::Vector2d uv_mm = Eigen::Vector2d::Zero();
   Eigen::Vector2d slope = Eigen::Vector2d::Zero();  ///< its change per mm of arc
   Eigen::Vector2d variance_mm2 = Eigen::Vector2d::Zero();
-  double lean_rad = 0.0;  ///< of the measured normal from the nominal one, towards u
-  double lean_variance_rad2 = 0.0;
-  double slope_variance = 0.0;  ///< of v
+  Eigen::Vector2d tilt_rad =
+      Eigen::Vector2d::Zero();  ///< of the measured normal from the nominal one, towards u and the tangent
+  Eigen::Vector2d tilt_variance_rad2 = Eigen::Vector2d::Zero();
 };
 
 /// A stretch between neighbouring measured points, along the nominal; of a closed one `to` may lie beyond its length.
@@ -29,16 +29,16 @@ struct Unmeasured {
 /// Local parabolas through a rim's deviations, see edge/tool_path.h.
 class RimFilter {
  public:
-  /// `lean_cutoff_mm` is that of the normals.
+  /// `tilt_cutoff_mm` is that of the normals.
   RimFilter(const base::EdgeCurve& edge, const EdgeDeviations& off, double length_mm, bool closed, double cutoff_mm,
-            double lean_cutoff_mm);
+            double tilt_cutoff_mm);
 
   [[nodiscard]] Smoothed at(double s_mm) const;
   [[nodiscard]] double cutoff_mm() const { return cutoff_mm_; }  ///< that is used
   [[nodiscard]] double usual_spacing_mm() const { return spacing_mm_; }
   [[nodiscard]] std::vector<Unmeasured> gaps() const;
   [[nodiscard]] Eigen::Vector2d mean_square_mm2() const;  ///< of the deviations
-  [[nodiscard]] double mean_square_lean_rad2() const;
+  [[nodiscard]] Eigen::Vector2d mean_square_tilt_rad2() const;
 
  private:
   /// What a local parabola makes of the points' values: value * d at the place, slope * d its change per mm.
@@ -49,8 +49,7 @@ class RimFilter {
   [[nodiscard]] std::vector<std::size_t> near(double s_mm, double reach_mm) const;
   [[nodiscard]] Weights weights(double s_mm, std::vector<std::size_t> near, const Eigen::VectorXd& variances,
                                 double cutoff_mm) const;
-  [[nodiscard]] double variance(const Weights& weights, const Eigen::RowVectorXd& shares, int row) const;
-  void add_lean(double s_mm, Smoothed& smoothed) const;
+  void add_tilt(double s_mm, Smoothed& smoothed) const;
   /// Way from s to the point, the short one round a closed curve.
   [[nodiscard]] double way(double from_mm, double to_mm) const;
 
@@ -59,7 +58,7 @@ class RimFilter {
   double length_mm_;
   bool closed_;
   double cutoff_mm_;
-  double lean_cutoff_mm_;
+  double tilt_cutoff_mm_;
   double spacing_mm_ = 0.0;
   std::vector<std::size_t> order_;  ///< indices into off, by arc length
   std::vector<double> s_mm_;        ///< in that order

@@ -21,13 +21,22 @@ constexpr int kRounds = 6;
 constexpr double kTukey = 4.7;
 
 constexpr int kTerms = 6;
-using Row = Eigen::Matrix<double, kTerms, 1>;  // 1, X/Z, Y/Z, q^2, q s, s^2
+using Row = Eigen::Matrix<double, kTerms, 1>;
 using Square = Eigen::Matrix<double, kTerms, kTerms>;
 
+/// The depth of a pixel on the material side of an edge.
 struct Depth {
+  Eigen::Vector2d tangent = Eigen::Vector2d::Zero();  // X/Z, Y/Z
+  double z = 0.0;
+  double sigma_z = 0.0;
+  double q = 0.0, s = 0.0;  // from the edge, across and along [px]
+};
+
+/// value = row . unknowns
+struct Observation {
   Row row;
-  double inverse = 0.0;
-  double sigma = 0.0;  // of the inverse
+  double value = 0.0;
+  double sigma = 0.0;
 };
 
 struct Fit {
@@ -37,27 +46,27 @@ struct Fit {
   int count = 0;
 };
 
-Fit fit(const std::vector<Depth>& depths) {
+Fit fit(const std::vector<Observation>& observations) {
   Fit result;
-  std::vector<double> weights(depths.size(), 1.0);
+  std::vector<double> weights(observations.size(), 1.0);
   for (int round = 0; round < kRounds; ++round) {
     Square normal = Square::Zero();
     Row right = Row::Zero();
-    for (std::size_t i = 0; i < depths.size(); ++i) {
-      const Row row = depths[i].row / depths[i].sigma;
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      const Row row = observations[i].row / observations[i].sigma;
       normal += weights[i] * row * row.transpose();
-      right += weights[i] * depths[i].inverse / depths[i].sigma * row;
+      right += weights[i] * observations[i].value / observations[i].sigma * row;
     }
     const Eigen::LDLT<Square> factor(normal);
     result.at = factor.solve(right);
     result.cofactors = factor.solve(Square::Identity());
-    std::vector<double> off(depths.size());
-    for (std::size_t i = 0; i < depths.size(); ++i)
-      off[i] = std::abs(depths[i].inverse - depths[i].row.dot(result.at)) / depths[i].sigma;
+    std::vector<double> off(observations.size());
+    for (std::size_t i = 0; i < observations.size(); ++i)
+      off[i] = std::abs(observations[i].value - observations[i].row.dot(result.at)) / observations[i].sigma;
     const double scale = std::max(1.0, 1.4826 * math::median(off)) * kTukey;
     double squares = 0.0, sum = 0.0;
     result.count = 0;
-    for (std::size_t i = 0; i < depths.size(); ++i) {
+    for (std::size_t i = 0; i < observations.size(); ++i) {
       const double ratio = off[i] / scale;
       weights[i] = ratio < 1.0 ? std::pow(1.0 - ratio * ratio, 2) : 0.0;
       squares += weights[i] * off[i] * off[i];
@@ -67,6 +76,42 @@ Fit fit(const std::vector<Depth>& depths) {
     result.factor = std::sqrt(squares / std::max(1.0, sum - kTerms));
   }
   return result;
+}
+
+/// The depths before an edge; nothing where too few lie there or the surface does not begin at it.
+std::optional<std::vector<Depth>> depths_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
+                                                double guard_px, double reach_px) {
+  const Eigen::Vector2d along(-out.y(), out.x());
+  const double half = kHalfWidth * reach_px;
+  const Eigen::Vector2d middle = at_px - 0.5 * (guard_px + reach_px) * out;
+  const double radius = std::hypot(0.5 * (reach_px - guard_px), half) + 1.0;
+  const int x0 = std::max(0, static_cast<int>(middle.x() - radius));
+  const int x1 = std::min(view.width() - 1, static_cast<int>(middle.x() + radius) + 1);
+  const int y0 = std::max(0, static_cast<int>(middle.y() - radius));
+  const int y1 = std::min(view.height() - 1, static_cast<int>(middle.y() + radius) + 1);
+  std::vector<Depth> depths;
+  int seen_first = 0, known_first = 0;  // of the pixels next to the edge
+  for (int y = y0; y <= y1; ++y) {
+    for (int x = x0; x <= x1; ++x) {
+      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
+      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - at_px;
+      const double q = -out.dot(d);
+      if (q < guard_px || q > reach_px || std::abs(along.dot(d)) > half) continue;
+      const double z = view.depth(at);
+      if (q < guard_px + kBegin_px) {
+        ++seen_first;
+        if (!std::isnan(z)) ++known_first;
+      }
+      if (std::isnan(z)) continue;
+      const Eigen::Vector2f tangent = view.tangent(x, y);
+      if (!tangent.allFinite()) continue;
+      const double along_ray = std::sqrt(1.0 + static_cast<double>(tangent.squaredNorm()));  // distance over depth
+      const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)) / along_ray);
+      depths.push_back({tangent.cast<double>(), z, sigma_z, q, along.dot(d)});
+    }
+  }
+  if (depths.size() < kLeastDepths || known_first < kBeginShare * seen_first) return std::nullopt;
+  return depths;
 }
 
 }  // namespace
@@ -129,40 +174,16 @@ CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm
 
 std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
                                            double guard_px, double reach_px) {
-  const Eigen::Vector2d along(-out.y(), out.x());
-  const double half = kHalfWidth * reach_px;
-  const Eigen::Vector2d middle = at_px - 0.5 * (guard_px + reach_px) * out;
-  const double radius = std::hypot(0.5 * (reach_px - guard_px), half) + 1.0;
-  const int x0 = std::max(0, static_cast<int>(middle.x() - radius));
-  const int x1 = std::min(view.width() - 1, static_cast<int>(middle.x() + radius) + 1);
-  const int y0 = std::max(0, static_cast<int>(middle.y() - radius));
-  const int y1 = std::min(view.height() - 1, static_cast<int>(middle.y() + radius) + 1);
-  std::vector<Depth> depths;
-  int seen_first = 0, known_first = 0;  // of the pixels next to the edge
-  for (int y = y0; y <= y1; ++y) {
-    for (int x = x0; x <= x1; ++x) {
-      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
-      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - at_px;
-      const double q = -out.dot(d);
-      if (q < guard_px || q > reach_px || std::abs(along.dot(d)) > half) continue;
-      const double z = view.depth(at);
-      if (q < guard_px + kBegin_px) {
-        ++seen_first;
-        if (!std::isnan(z)) ++known_first;
-      }
-      if (std::isnan(z)) continue;
-      const Eigen::Vector2f tangent = view.tangent(x, y);
-      if (!tangent.allFinite()) continue;
-      const double along_ray = std::sqrt(1.0 + static_cast<double>(tangent.squaredNorm()));  // distance over depth
-      const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)) / along_ray);
-      const double s = along.dot(d);
-      depths.push_back({(Row() << 1.0, tangent.x(), tangent.y(), q * q, q * s, s * s).finished(), 1.0 / z, sigma_z / (z * z)});
-    }
+  const auto depths = depths_before(view, at_px, out, guard_px, reach_px);
+  if (!depths) return std::nullopt;
+  std::vector<Observation> observations;
+  for (const Depth& d : *depths) {
+    observations.push_back({(Row() << 1.0, d.tangent.x(), d.tangent.y(), d.q * d.q, d.q * d.s, d.s * d.s).finished(), 1.0 / d.z,
+                            d.sigma_z / (d.z * d.z)});
   }
-  if (depths.size() < kLeastDepths || known_first < kBeginShare * seen_first) return std::nullopt;
   const auto ray = view.camera().unproject(at_px);
   if (!ray) return std::nullopt;
-  const Fit chosen = fit(depths);
+  const Fit chosen = fit(observations);
   if (chosen.count < kLeastDepths) return std::nullopt;
   LocalSurface surface;
   const Row here = (Row() << 1.0, ray->x() / ray->z(), ray->y() / ray->z(), 0.0, 0.0, 0.0).finished();
@@ -175,16 +196,35 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
   surface.normal = -surface.plane.normalized();
   surface.count = chosen.count;
   // The value of a parabola in its middle has 9 / 4 of the variance of a mean: as if from 4 / 9 of its length.
-  surface.extent_px = 2.0 * half;
+  surface.extent_px = 2.0 * kHalfWidth * reach_px;
   surface.piece_px = 4.0 / 9.0 * surface.extent_px;
   const double z = 1.0 / surface.inverse_depth;
   surface.rms_mm = chosen.factor * math::median([&] {
                      std::vector<double> sigmas;
-                     for (const Depth& depth : depths) sigmas.push_back(depth.sigma);
+                     for (const Observation& one : observations) sigmas.push_back(one.sigma);
                      return sigmas;
                    }()) *
                    z * z;
   return surface;
+}
+
+std::optional<LocalSlope> slope_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
+                                       double guard_px, double reach_px, const Eigen::Vector3d& origin_mm,
+                                       const Eigen::Matrix3d& axes) {
+  const auto depths = depths_before(view, at_px, out, guard_px, reach_px);
+  if (!depths) return std::nullopt;
+  const double unit_mm = std::max(1e-6, reach_px * origin_mm.z() / view.camera().parameters()(0));  // keeps the terms alike
+  std::vector<Observation> observations;
+  for (const Depth& d : *depths) {
+    const Eigen::Vector3d ray(d.tangent.x(), d.tangent.y(), 1.0);
+    const Eigen::Vector3d at = axes.transpose() * (d.z * ray - origin_mm) / unit_mm;
+    observations.push_back({(Row() << 1.0, at.x(), at.y(), at.x() * at.x(), at.x() * at.y(), at.y() * at.y()).finished(),
+                            at.z(), d.sigma_z * std::abs(axes.col(2).dot(ray)) / unit_mm});
+  }
+  const Fit found = fit(observations);
+  if (found.count < kLeastDepths) return std::nullopt;
+  return LocalSlope{found.at.segment<2>(1), found.cofactors.block<2, 2>(1, 1) * std::pow(std::max(1.0, found.factor), 2),
+                    2.0 * kHalfWidth * reach_px};
 }
 
 }  // namespace crosstie::edge::detail

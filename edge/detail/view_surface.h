@@ -54,8 +54,21 @@ struct LocalSurface {
   double extent_px = 0.0;  ///< of the depths, along the edge
 };
 
+/// The slopes of a surface at an edge: of its height over a plane through it, a full quadric in the plane's coordinates. Over a wide strip a curved
+/// wall is that, and its inverse depth over the image is not.
+struct LocalSlope {
+  Eigen::Vector2d slope = Eigen::Vector2d::Zero();  ///< along the plane's two axes
+  Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();
+  double extent_px = 0.0;  ///< of the depths, along the edge
+};
+
 /// The surface on the material side (against `out`) of an edge at `at_px`; nothing where too few depths lie there. Robust: Tukey's weights.
 std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
                                            double guard_px, double reach_px);
+
+/// The same depths over the plane of the first two columns of `axes` through `origin_mm`, the third being its normal, in the camera's frame.
+std::optional<LocalSlope> slope_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
+                                       double guard_px, double reach_px, const Eigen::Vector3d& origin_mm,
+                                       const Eigen::Matrix3d& axes);
 
 }  // namespace crosstie::edge::detail

@@ -225,6 +225,11 @@ RimStatistics compare_rim(const base::EdgeCurve& curve, const Wall& wall) {
     // Half a step beside it the rim leaves its tangent by less than a micrometre.
     const Eigen::Vector3d error = point.point_mm - nearest->point_mm;
     const Eigen::Vector3d across = nearest->normal.cross(nearest->tangent);
+    // Its normal turns by more than what is tested: that of the very place.
+    const auto next = std::next(nearest) == rim.end() ? rim.begin() : std::next(nearest);
+    const double part = nearest->tangent.dot(error) / (next->point_mm - nearest->point_mm).norm();
+    const double turn = (static_cast<double>(nearest - rim.begin()) + part) / kSteps;
+    const fixtures::RimPoint here = fixtures::rim_point(wall, *wall.hole, turn - std::floor(turn));
     const double u = across.dot(error);
     const double v = nearest->normal.dot(error);
     ++result.count;
@@ -234,13 +239,15 @@ RimStatistics compare_rim(const base::EdgeCurve& curve, const Wall& wall) {
     result.rms_v_mm += v * v;
     result.normalised_u += u * u / across.dot(point.cov_mm2 * across);
     result.normalised_v += v * v / nearest->normal.dot(point.cov_mm2 * nearest->normal);
-    result.normalised_lean += std::pow(point.normal.dot(across), 2) / point.lean_variance_rad2;
+    result.normalised_tilt +=
+        0.5 * (std::pow(point.normal.dot(here.normal.cross(here.tangent)), 2) / point.tilt_variance_rad2.x() +
+               std::pow(point.normal.dot(here.tangent), 2) / point.tilt_variance_rad2.y());
     result.farthest_mm = std::max(result.farthest_mm, std::hypot(u, v));
-    result.most_turn_rad = std::max(result.most_turn_rad, std::acos(std::min(1.0, nearest->normal.dot(point.normal))));
+    result.most_turn_rad = std::max(result.most_turn_rad, std::acos(std::min(1.0, here.normal.dot(point.normal))));
   }
   const auto n = static_cast<double>(std::max(1, result.count));
   for (double* value :
-       {&result.mean_u_mm, &result.mean_v_mm, &result.normalised_u, &result.normalised_v, &result.normalised_lean})
+       {&result.mean_u_mm, &result.mean_v_mm, &result.normalised_u, &result.normalised_v, &result.normalised_tilt})
     *value /= n;
   for (double* value : {&result.rms_u_mm, &result.rms_v_mm}) *value = std::sqrt(*value / n);
   double gaps = 0.0;
@@ -259,7 +266,7 @@ void RimStatistics::add(const RimStatistics& other) {
   mean(mean_v_mm, other.mean_v_mm);
   mean(normalised_u, other.normalised_u);
   mean(normalised_v, other.normalised_v);
-  mean(normalised_lean, other.normalised_lean);
+  mean(normalised_tilt, other.normalised_tilt);
   root(rms_u_mm, other.rms_u_mm);
   root(rms_v_mm, other.rms_v_mm);
   mean(covered, other.covered);

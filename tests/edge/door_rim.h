@@ -26,7 +26,7 @@ struct RimStatistics {
   int count = 0;
   double mean_u_mm = 0.0, rms_u_mm = 0.0, normalised_u = 0.0;  ///< across the rim in the face; mean of (error / sigma)^2
   double mean_v_mm = 0.0, rms_v_mm = 0.0, normalised_v = 0.0;  ///< along the normal
-  double normalised_lean = 0.0;                                ///< of the normals' turns about the rim's tangent
+  double normalised_tilt = 0.0;                                ///< of the normals, both ways
   double farthest_mm = 0.0;
   double most_turn_rad = 0.0;  ///< of a normal from the true one
   double covered = 0.0;        ///< share of the rim that no gap leaves out

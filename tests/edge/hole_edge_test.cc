@@ -57,12 +57,12 @@ TEST(HoleEdge, SigmasAreTrue) {
   }
   SCOPED_TRACE(testing::Message() << all.count << " points, u rms " << all.rms_u_mm << " mean " << all.mean_u_mm
                                   << " normalised " << all.normalised_u << ", v rms " << all.rms_v_mm << " mean "
-                                  << all.mean_v_mm << " normalised " << all.normalised_v << ", lean normalised "
-                                  << all.normalised_lean << ", farthest " << all.farthest_mm);
+                                  << all.mean_v_mm << " normalised " << all.normalised_v << ", tilt normalised "
+                                  << all.normalised_tilt << ", farthest " << all.farthest_mm);
   EXPECT_LT(all.rms_u_mm, 0.1);
   EXPECT_NEAR(all.normalised_u, 1.0, 0.15);
   EXPECT_NEAR(all.normalised_v, 1.0, 0.15);
-  EXPECT_NEAR(all.normalised_lean, 1.0, 0.15);
+  EXPECT_NEAR(all.normalised_tilt, 1.0, 0.15);
   EXPECT_LT(std::abs(all.mean_u_mm), 0.005);
   EXPECT_LT(std::abs(all.mean_v_mm), 0.01);
   EXPECT_LT(all.farthest_mm, 0.6);

@@ -63,7 +63,7 @@ inline TrueRim on_cylinder(TrueRim flat, double radius, double direction = 0.0) 
 struct RimErrors {
   double across_mm = 0.02;  ///< sigma along u of each point alone
   double normal_mm = 0.03;  ///< along v
-  double lean_rad = 0.0;    ///< of a normal's turn about the tangent, the mean of the depths that it stands on
+  double tilt_rad = 0.0;    ///< of a normal towards u and the tangent, the mean of the depths that it stands on
   double depths_mm = 0.0;   ///< length of rim before which these lie
   std::vector<base::Vector6d> station_sigmas = {};  ///< pose errors (rad, mm) shared by each of as many equal parts of the rim
   double scale = 0.0;                               ///< sigma of a common factor about the frame's origin
@@ -102,15 +102,16 @@ inline base::EdgeCurve measured_rim(const TrueRim& rim, const base::Pose& frame_
     edge.points.push_back(point);
   }
   edge.depths_mm = errors.depths_mm;
-  edge.shared_lean_rad = Eigen::MatrixXd::Zero(n, edge.shared_mm.cols());
+  edge.shared_tilt_rad = Eigen::MatrixXd::Zero(2 * n, edge.shared_mm.cols());
   Eigen::VectorXd z(edge.shared_mm.cols());
   for (double& value : z) value = noise * normal(random);
   const Eigen::VectorXd together = edge.shared_mm * z;
   // Neighbours' normals stand on depths in common.
   const double spacing = n > 1 ? (edge.points[1].point_mm - edge.points[0].point_mm).norm() : 1.0;
   const auto depths = std::max<Eigen::Index>(1, std::lround(errors.depths_mm / spacing));
-  Eigen::VectorXd slopes(n);
-  for (double& value : slopes) value = errors.lean_rad / std::sqrt(static_cast<double>(depths)) * noise * normal(random);
+  Eigen::MatrixXd slopes(2, n);
+  for (double& value : slopes.reshaped())
+    value = errors.tilt_rad / std::sqrt(static_cast<double>(depths)) * noise * normal(random);
   for (Eigen::Index i = 0; i < n; ++i) {
     base::EdgePoint& point = edge.points[static_cast<std::size_t>(i)];
     const Eigen::Vector3d across = point.normal.cross(point.tangent);
@@ -118,19 +119,21 @@ inline base::EdgeCurve measured_rim(const TrueRim& rim, const base::Pose& frame_
                                  (across.transpose() * edge.shared_mm.middleRows<3>(3 * i)).squaredNorm());
     point.sigma_v_mm = std::sqrt(point.normal.dot(point.cov_mm2 * point.normal) +
                                  (point.normal.transpose() * edge.shared_mm.middleRows<3>(3 * i)).squaredNorm());
-    point.lean_variance_rad2 = errors.lean_rad * errors.lean_rad;
+    point.tilt_variance_rad2.setConstant(errors.tilt_rad * errors.tilt_rad);
     for (Eigen::Index s = 0; s < stations; ++s) {
       if (s != static_cast<Eigen::Index>(i) * stations / n) continue;
-      edge.shared_lean_rad.block<1, 3>(i, 6 * s) =
-          -point.tangent.transpose() * errors.station_sigmas[static_cast<std::size_t>(s)].head<3>().asDiagonal();
+      const auto sigmas = errors.station_sigmas[static_cast<std::size_t>(s)].head<3>().asDiagonal();
+      edge.shared_tilt_rad.block<1, 3>(2 * i, 6 * s) = -point.tangent.transpose() * sigmas;
+      edge.shared_tilt_rad.block<1, 3>(2 * i + 1, 6 * s) = across.transpose() * sigmas;
     }
     point.point_mm += together.segment<3>(3 * i) +
                       noise * (errors.across_mm * normal(random) * across + errors.across_mm * normal(random) * point.tangent +
                                errors.normal_mm * normal(random) * point.normal);
-    double lean = edge.shared_lean_rad.row(i).dot(z);
-    for (Eigen::Index k = 0; k < depths; ++k) lean += slopes((i + k) % n);
-    point.normal = (point.normal + lean * across).normalized();
-    point.sigma_lean_rad = std::sqrt(point.lean_variance_rad2 + edge.shared_lean_rad.row(i).squaredNorm());
+    const auto shared = edge.shared_tilt_rad.middleRows<2>(2 * i);
+    Eigen::Vector2d tilt = shared * z;
+    for (Eigen::Index k = 0; k < depths; ++k) tilt += slopes.col((i + k) % n);
+    point.normal = (point.normal + tilt(0) * across + tilt(1) * point.tangent).normalized();
+    point.sigma_tilt_rad = (point.tilt_variance_rad2 + shared.rowwise().squaredNorm()).cwiseSqrt();
     if (i > 0) edge.length_mm += (point.point_mm - edge.points[static_cast<std::size_t>(i - 1)].point_mm).norm();
     point.s_mm = edge.length_mm;
   }
