@@ -11,6 +11,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
+#include "edge/detail/camera_miss.h"
+#include "edge/detail/chamfer_side.h"
 #include "edge/detail/rim_candidates.h"
 #include "edge/detail/rim_line.h"
 #include "edge/detail/rim_search.h"
@@ -26,6 +28,7 @@ namespace {
 using base::ErrorCode;
 using base::fail;
 using base::Result;
+using detail::CameraMiss;
 using detail::Face;
 using detail::RimCandidate;
 using detail::RimLine;
@@ -317,6 +320,42 @@ SharedParts shared_parts(std::vector<Cell>& cells, std::span<const StationView> 
   return shared;
 }
 
+/// Where the cameras miss each other, both are wrong by as much as one another for all that is known: what they see together is turned about their
+/// base by half of the miss, in all stations of a head the same way.
+void add_misses(const std::vector<Cell>& cells, std::span<const StationView> stations, const std::vector<CameraMiss>& misses,
+                SharedParts& shared) {
+  std::map<const base::Head*, Eigen::Index> heads;
+  std::map<int, Eigen::Vector3d> turns;  // of each station's rig
+  for (const CameraMiss& miss : misses) {
+    const base::Head* head = stations[static_cast<std::size_t>(miss.station)].head;
+    heads.try_emplace(head, static_cast<Eigen::Index>(heads.size()));
+    turns[miss.station] = 0.5 * miss.angle_rad * head->right_from_left.inverse().translation_mm.normalized();
+  }
+  const auto added = static_cast<Eigen::Index>(heads.size());
+  const Eigen::Index before = shared.points_mm.cols();
+  shared.points_mm.conservativeResize(Eigen::NoChange, before + added);
+  shared.tilts_rad.conservativeResize(Eigen::NoChange, before + added);
+  shared.points_mm.rightCols(added).setZero();
+  shared.tilts_rad.rightCols(added).setZero();
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    double weights = 0.0;
+    for (const Voice& voice : cells[i].voices) weights += 1.0 / (voice.sigma_mm * voice.sigma_mm);
+    for (const Voice& voice : cells[i].voices) {
+      const auto turn = turns.find(voice.station);
+      if (turn == turns.end()) continue;
+      const StationView& view = stations[static_cast<std::size_t>(voice.station)];
+      const double share = 1.0 / (voice.sigma_mm * voice.sigma_mm) / weights;
+      const Eigen::Vector3d moved = view.frame_from_rig.rotation * turn->second.cross(voice.point_in_rig_mm);
+      const Eigen::Vector3d axis = view.frame_from_rig.rotation * turn->second;
+      shared.points_mm.block<3, 1>(3 * row, before + heads.at(view.head)) += share * moved;
+      const Eigen::Vector2d slopes(cells[i].normal.dot(axis.cross(cells[i].across)),
+                                   cells[i].normal.dot(axis.cross(cells[i].across.cross(cells[i].normal))));
+      shared.tilts_rad.block<2, 1>(2 * row, before + heads.at(view.head)) -= share * slopes;
+    }
+  }
+}
+
 /// Scatter of the cells about the line through their neighbours, themselves left out, over what their sigmas say.
 double roughness(const std::vector<Cell>& cells, double reach_mm, std::vector<double>& off_mm) {
   constexpr double kMedianOfSquare = 0.4549;  // of chi-square with one degree of freedom
@@ -353,6 +392,18 @@ double roughness(const std::vector<Cell>& cells, double reach_mm, std::vector<do
   constexpr double kOfMedian = 1.17;  // sigma of a scale from the median of n absolute values, times sqrt(n)
   const double factor = std::sqrt(*middle / kMedianOfSquare);
   return factor > 1.0 + 3.0 * kOfMedian / std::sqrt(static_cast<double>(ratios.size())) ? factor : 1.0;
+}
+
+/// The larger error of a rim, and a sign that the head's calibration is not that of its cameras any more.
+base::Warning warning_of(const CameraMiss& miss, std::span<const StationView> stations) {
+  const StationView& view = stations[static_cast<std::size_t>(miss.station)];
+  const double focal_px = view.head->left.parameters()(0);
+  return {
+      "cameras_miss", view.name,
+      fmt::format(
+          "the cameras see the rim {:.2f} px apart across the epipolar lines (sigma {:.2f}, from {} places): its points lie "
+          "half way, and their shared part holds the other half; the head's calibration is off by that much",
+          std::abs(miss.angle_rad) * focal_px, miss.sigma_rad * focal_px, miss.cells)};
 }
 
 /// Why there is nothing between two places of the rim.
@@ -435,6 +486,16 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
                                                 cells.error().message, counts.elsewhere, counts.shadow, counts.no_surface,
                                                 counts.off_face, counts.inwards, counts.masked));
   }
+  const bool far_side = detail::take_one_side(*cells, rim) > 0;
+  if (far_side) cells = detail::cells_of(rim, face, options.cell_mm, detail::ChamferSide::kFar);
+  if (!cells) return tl::unexpected(cells.error());
+  const std::vector<CameraMiss> misses = detail::camera_misses(*cells);
+  for (const CameraMiss& miss : misses) result.warnings.push_back(warning_of(miss, stations));
+  if (!misses.empty()) {
+    detail::meet_half_way(misses, rim);
+    cells = detail::cells_of(rim, face, options.cell_mm, far_side ? detail::ChamferSide::kFar : detail::ChamferSide::kNear);
+    if (!cells) return tl::unexpected(cells.error());
+  }
   std::vector<Cell> points;
   for (std::size_t i = 0; i < cells->size(); ++i) {
     std::vector<const RimCandidate*> members;
@@ -473,7 +534,8 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   std::vector<double> off;
   result.roughness_factor = roughness(points, cells->reach_mm(), off);
   curve.depths_mm = turn_normals(points, stations, options);
-  const SharedParts parts = shared_parts(points, stations, *parameters, shared.head_change);
+  SharedParts parts = shared_parts(points, stations, *parameters, shared.head_change);
+  add_misses(points, stations, misses, parts);
   curve.shared_mm = parts.points_mm;
   curve.shared_tilt_rad = parts.tilts_rad;
   double s = 0.0;

@@ -93,7 +93,7 @@ struct HoleEdge {
   /// What became of the edge pixels that lie in the part of the image.
   struct Counts {
     std::int64_t used = 0;
-    std::int64_t shadow = 0;      ///< not material
+    std::int64_t shadow = 0;      ///< not material; paint is not counted at all
     std::int64_t elsewhere = 0;   ///< not where the rim is expected
     std::int64_t no_surface = 0;  ///< too few depths on the material side
     std::int64_t off_face = 0;    ///< on another surface: ledge, far rim, cut face
@@ -117,6 +117,9 @@ struct HoleEdge {
 /// ones are), and gathered into cells along the rim. In a cell, each camera's positions become one (pixels of one piece of edge are one
 /// measurement), cameras and stations are fused by their sigmas, after those went that contradict their neighbours' smooth line. Its normal
 /// is that of a wider surface, fitted once for each station that saw it.
+/// Of a chamfer that is not seen everywhere from both sides one side is the rim (detail/chamfer_side.h). Where the cameras of a station see the rim
+/// apart across the epipolar lines, they are met half way, the other half is a shared part, and a warning `cameras_miss` says so
+/// (detail/camera_miss.h). Edges that were classed as paint count where the surface's depths do not go on beyond them.
 /// Covariance: across the rim of the images and of the surface's slope, along the normal of the surface's fit; what calibration and poses
 /// add is shared by all points of a station and stands in EdgeCurve::shared_mm.
 /// Errors: options; kInternal for a `shared` of another size; kNoUniqueSolution where no rim is found, with what became of the edge pixels.

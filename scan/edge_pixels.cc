@@ -37,8 +37,9 @@ constexpr double kBlurStep = 1.08;
 constexpr double kLeastBlurSigma = 0.01;  // relative: a point spread is no Gaussian curve
 constexpr double kSearchInside_px = 4.5;  // phases reach beyond the surface by the blur, and over a bright lip
 constexpr double kSearchOutside_px = 3.5;
-constexpr double kNeighbours_px = 8.0;  // pieces that tell each other's direction and number of steps
-constexpr int kPaintDistance_px = 6;    // from the end of a surface
+constexpr double kSearchPaint_px = 1.5;  // of gradients, whose place is known
+constexpr double kNeighbours_px = 8.0;   // pieces that tell each other's direction and number of steps
+constexpr int kPaintDistance_px = 6;     // from the end of a surface
 constexpr int kDirectionRounds = 2;
 constexpr std::size_t kSitesPerTask = 256;
 constexpr double kConverged_px = 1e-3;
@@ -189,8 +190,10 @@ void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, 
   site.images = images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
   if (site.images == 0) return;
   site.noise = samples.noise_sigma;
-  const auto candidates =
-      detail::step_candidates(samples.profile, -kSearchInside_px, kSearchOutside_px, most, options.min_step_sigmas);
+  // Where the image's gradient told the place, the direction is that of the step there.
+  const bool there = site.paint && most == 1;
+  const auto candidates = detail::step_candidates(samples.profile, there ? -kSearchPaint_px : -kSearchInside_px,
+                                                  there ? kSearchPaint_px : kSearchOutside_px, most, options.min_step_sigmas);
   for (std::size_t k = 1; k <= candidates.count; ++k) {
     StepProfile profile;
     if (!detail::fit_steps(samples.profile, site.noise, blur_px, candidates.first(k), converged_px, profile)) continue;
@@ -358,8 +361,57 @@ std::optional<PieceFrame> smoothed_frame(const Sites& sites, const Site& site) {
   return frame;
 }
 
+/// Across the image's edge about a site: the direction in which the levels change most (the structure tensor's), the same way as the site's own;
+/// nothing where it is not clear or far from that.
+std::optional<Eigen::Vector2d> gradient_direction(const Site& site, const base::PhaseMap& map) {
+  constexpr int kRadius_px = 4;
+  constexpr double kMostTurn = 0.7;  // cosine
+  constexpr double kLeastAnisotropy = 0.3;
+  const auto w = static_cast<std::size_t>(map.width);
+  const int cx = site.pixel.x();
+  const int cy = site.pixel.y();
+  if (cx <= kRadius_px || cy <= kRadius_px || cx + kRadius_px + 1 >= map.width || cy + kRadius_px + 1 >= map.height)
+    return std::nullopt;
+  Eigen::Matrix2d tensor = Eigen::Matrix2d::Zero();
+  for (int y = cy - kRadius_px; y <= cy + kRadius_px; ++y) {
+    for (int x = cx - kRadius_px; x <= cx + kRadius_px; ++x) {
+      if ((x - cx) * (x - cx) + (y - cy) * (y - cy) > kRadius_px * kRadius_px) continue;
+      const float* level = &map.light[map.at(x, y)];
+      const Eigen::Vector2d gradient(level[1] - level[-1], level[w] - level[-static_cast<std::ptrdiff_t>(w)]);
+      tensor += gradient * gradient.transpose();
+    }
+  }
+  const double half = 0.5 * (tensor(0, 0) - tensor(1, 1));
+  if (std::hypot(half, tensor(0, 1)) < 0.5 * kLeastAnisotropy * tensor.trace()) return std::nullopt;
+  const double angle = 0.5 * std::atan2(tensor(0, 1), half);
+  const Eigen::Vector2d across(std::cos(angle), std::sin(angle));
+  const double way = across.dot(site.frame.out);
+  if (std::abs(way) < kMostTurn) return std::nullopt;
+  return way > 0.0 ? across : Eigen::Vector2d(-across);
+}
+
+/// Of a site's own direction and that of the image's gradient the one across which the step stands out more: an end's own is only as good as its
+/// pixels, and a step seen at a slant is blurred.
+void choose_direction(Site& site, const base::PhaseMap& map, const EdgeImages& images, const EdgeOptions& options,
+                      PieceSamples& samples) {
+  const auto by_gradient = gradient_direction(site, map);
+  if (!by_gradient) return;
+  const auto strength = [&](const PieceFrame& frame) {
+    if (images.read(frame, options.half_piece_px, -options.reach_px, options.reach_px, samples) == 0) return 0.0;
+    return detail::step_candidates(samples.profile, -kSearchInside_px, kSearchOutside_px, 1, 0.0).strongest;
+  };
+  PieceFrame turned = site.frame;
+  turned.out = *by_gradient;
+  if (strength(turned) > strength(site.frame)) site.frame = turned;
+}
+
 /// Directions and curvatures from the strongest steps; these again, since a step seen at a slant is blurred. Sites without are left out.
-Result<> find_directions(Sites& sites, const EdgeImages& images, const EdgeOptions& options, const base::Progress& progress) {
+Result<> find_directions(Sites& sites, const base::PhaseMap& map, const EdgeImages& images, const EdgeOptions& options,
+                         const base::Progress& progress) {
+  auto chosen = for_sites(sites.all, options.threads, "directions", progress, [&](std::size_t i, PieceSamples& samples) {
+    choose_direction(sites.all[i], map, images, options, samples);
+  });
+  if (!chosen) return chosen;
   for (int round = 0; round < kDirectionRounds; ++round) {
     auto done = for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, PieceSamples& samples) {
       fit_site(sites.all[i], images, options, kFirstBlur_px, 1, kConverged_px, samples);
@@ -430,9 +482,10 @@ std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, con
   const auto kind = detail::classify_edge(*input.phases, input.depth_mm, images, frame, edge.band_px);
   if (!kind) return std::nullopt;
   edge.kind = *kind;
-  if (site.paint != (edge.kind == base::EdgeClass::kPaint)) {
-    if (site.paint || site.bend) return std::nullopt;
-  }
+  if (site.bend && edge.kind == base::EdgeClass::kPaint) return std::nullopt;
+  // Of two edges near each other only the one at which the phases end.
+  if (site.paint && edge.kind != base::EdgeClass::kPaint && !detail::ends_here(*input.phases, images, frame, edge.band_px))
+    return std::nullopt;
   if (edge.kind == base::EdgeClass::kPaint) {
     const double brighter = std::max(fit.levels[0][0], fit.levels[0][1]);
     if (std::abs(edge.step) < options.min_paint_step * brighter) return std::nullopt;
@@ -487,7 +540,7 @@ Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& o
   }
   const EdgeImages images(map, input.white);
   Sites sites = find_sites(input, options, images);
-  auto done = find_directions(sites, images, options, progress);
+  auto done = find_directions(sites, map, images, options, progress);
   if (!done) return fail(std::move(done));
   base::EdgePixels result;
   result.width = map.width;

@@ -36,8 +36,10 @@ struct EdgeInput {
 /// Sub-pixel edges of one camera's image.
 ///
 /// Where: at the ends and bends of the surfaces that the phases show (detail/surface_end.h); paint at strong maxima of the gradient where phases
-/// go on. How: levels that step one to three times, blurred by the camera's point spread, fitted to all edge images together: the mean of the
-/// fringe images, their modulation, the white image (detail/step_profile.h); over a piece of edge whose direction and curvature its neighbours
+/// go on; such a maximum is material where they end or leave their course directly beyond. The direction is first that of the end or of the
+/// image's gradient, across whichever the step stands out more. How: levels that step one to three times, blurred by the camera's point
+/// spread, fitted to all edge images together: the mean of the fringe images, their modulation, the white image
+/// (detail/step_profile.h); over a piece of edge whose direction and curvature its neighbours
 /// tell, its number of steps decided with them. The position is that of the step next to the material: where the face ends, not the
 /// far side of a chamfer. The point spread is the camera's, found at the sharpest clean steps of the image.
 /// Sigma: of the fit; grain of the surface counts as correlated over the point spread; larger where the edge images disagree.

@@ -9,7 +9,9 @@ namespace crosstie::edge::detail {
 namespace {
 
 constexpr int kMaxIterations = 200;
-constexpr double kSizeStep_mm = 1e-3;  // of the difference quotients of the outline
+constexpr double kHardlyDamped = 1e-4;
+constexpr double kHundredthOfSigma = 1e-4;  // squared
+constexpr double kSizeStep_mm = 1e-3;       // of the difference quotients of the outline
 
 /// A point of the rim beside its nearest place.
 struct Beside {
@@ -142,6 +144,7 @@ bool NominalProblem::solve(NominalState& state, Normals& normals, int& iteration
   auto at = this->normals(state, true);
   if (!at) return false;
   double damping = 1e-3;
+  double open = HUGE_VAL;  // what the last step with hardly any damping would have taken off v'Pv
   for (iterations = 0; iterations < kMaxIterations && damping < 1e12; ++iterations) {
     const Eigen::VectorXd scale = at->matrix.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     Eigen::MatrixXd scaled = scale.asDiagonal() * at->matrix * scale.asDiagonal();
@@ -150,6 +153,7 @@ bool NominalProblem::solve(NominalState& state, Normals& normals, int& iteration
     const Eigen::VectorXd scaled_step = scaled.ldlt().solve(right);
     const NominalState next = changed(state, scale.cwiseProduct(scaled_step));
     const double rest = scaled_step.dot(right);  // what the step takes off v'Pv, about
+    if (damping < kHardlyDamped) open = rest;
     const auto there = this->normals(next, false);
     if (there && std::isfinite(there->square_sum) && there->square_sum <= at->square_sum * (1.0 + 1e-12)) {
       const double gained = at->square_sum - there->square_sum;
@@ -169,7 +173,11 @@ bool NominalProblem::solve(NominalState& state, Normals& normals, int& iteration
       damping = std::max(1e-6, damping * 10.0);
     }
   }
-  return false;
+  // Weights follow the curve, and the steps do not know it: with points far off their sigmas they do not vanish. By what is left of them the unknowns
+  // would move a hundredth of their sigmas.
+  if (!(open < kHundredthOfSigma)) return false;
+  normals = *std::move(at);
+  return true;
 }
 
 }  // namespace crosstie::edge::detail

@@ -36,12 +36,15 @@ std::optional<Eigen::Vector3d> meet(const base::Camera& camera, const LocalSurfa
   return Eigen::Vector3d(*ray / inverse);
 }
 
-/// One edge pixel on its surface.
+/// One edge pixel on its surface. The phases directly beyond an edge go on behind paint, and also where a chamfer bends away: the depths farther on tell.
 std::optional<RimCandidate> candidate(CameraView& view, const base::EdgePixel& edge, double piece_px,
                                       const HoleEdgeOptions& options) {
   constexpr double kStep_px = 0.5;
   const auto surface = surface_before(view, edge.at_px, edge.out, options.surface_guard_px, options.surface_reach_px);
   if (!surface) return std::nullopt;
+  if (edge.kind == base::EdgeClass::kPaint &&
+      goes_on(view, *surface, edge.at_px, edge.out, edge.band_px + options.surface_guard_px))
+    return std::nullopt;
   LocalSurface here = *surface;
   // The fitted value at the edge, on the plane's directions.
   const auto ray = view.camera().unproject(edge.at_px);
@@ -86,6 +89,7 @@ StationCandidates candidates_of(const StationView& view, int station, const Hole
   const Eigen::Vector2d middle(0.5 * (roi[0] + roi[2]), 0.5 * (roi[1] + roi[3]));
   const std::array<double, 4> wide = {roi[0] - kRoiMargin_px, roi[1] - kRoiMargin_px, roi[2] + kRoiMargin_px,
                                       roi[3] + kRoiMargin_px};
+  const Eigen::Vector3d base_direction = head.right_from_left.inverse().translation_mm.normalized();
   for (int camera = 0; camera < 2; ++camera) {
     const base::EdgePixels& edges = *view.edges[static_cast<std::size_t>(camera)];
     CameraView depths = camera == 0 ? CameraView(head.left, *view.depth_mm, *view.sigma_mm)
@@ -95,15 +99,15 @@ StationCandidates candidates_of(const StationView& view, int station, const Hole
       if (camera == 0 &&
           (edge.at_px.x() < roi[0] || edge.at_px.y() < roi[1] || edge.at_px.x() > roi[2] || edge.at_px.y() > roi[3]))
         continue;
-      if (edge.kind == base::EdgeClass::kPaint) continue;
       auto found = candidate(depths, edge, edges.piece_px, options);
       if (!found) {
-        ++counts.no_surface;
+        if (edge.kind != base::EdgeClass::kPaint) ++counts.no_surface;
         continue;
       }
       found->station = station;
       found->camera = camera;
       found->point_in_rig_mm = rig_from_camera * found->point_mm;
+      const double distance_mm = found->point_mm.norm();
       const auto seen = head.left.project(found->point_in_rig_mm);
       if (!seen || seen->x() < roi[0] || seen->y() < roi[1] || seen->x() > roi[2] || seen->y() > roi[3]) continue;
       found->angle_rad = std::atan2(seen->y() - middle.y(), seen->x() - middle.x());
@@ -112,6 +116,9 @@ StationCandidates candidates_of(const StationView& view, int station, const Hole
       found->normal = turn * found->normal;
       found->out = turn * found->out;
       found->ray = turn * found->ray;
+      const Eigen::Vector3d aside = (view.frame_from_rig.rotation * base_direction).cross(found->ray) * distance_mm;
+      found->slide_mm = aside - found->ray * (found->normal.dot(aside) / found->normal.dot(found->ray));
+      found->turn_mm = view.frame_from_rig.rotation * base_direction.cross(found->point_in_rig_mm);
       if (edge.kind == base::EdgeClass::kShadow) {
         ++counts.shadow;
         result.shadows.push_back(*found);

@@ -15,10 +15,13 @@ namespace crosstie::edge::detail {
 struct RimCandidate {
   int station = 0;
   int camera = 0;
-  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();        ///< in the frame; rays and normals as well
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();          ///< of the surface on its material side, towards the camera
-  Eigen::Vector3d out = Eigen::Vector3d::Zero();             ///< in that surface across the edge, away from the material; unit
-  Eigen::Vector3d ray = Eigen::Vector3d::Zero();             ///< unit, from the camera
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();  ///< in the frame; rays and normals as well
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();    ///< of the surface on its material side, towards the camera
+  Eigen::Vector3d out = Eigen::Vector3d::Zero();       ///< in that surface across the edge, away from the material; unit
+  Eigen::Vector3d ray = Eigen::Vector3d::Zero();       ///< unit, from the camera
+  /// Of the point per radian: along its surface when its camera alone turns about the base, and with it when all does that was seen.
+  Eigen::Vector3d slide_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d turn_mm = Eigen::Vector3d::Zero();
   double sigma_mm = 0.0;                                     ///< across the edge, of the image
   double surface_sigma_mm = 0.0;                             ///< of the surface, along its normal
   Eigen::Vector2d tilt_sigma_rad = Eigen::Vector2d::Zero();  ///< of the normal's tilts, across the edge and along it

@@ -85,9 +85,58 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
   }
 }
 
+/// `takes(cell, member's index)`.
+template <typename Takes>
+RimLine line_of(const RimCells& cells, std::size_t at, const Takes& takes) {
+  struct Member {
+    double a, b, sigma;
+  };
+  RimLine line;
+  const RimCell& cell = cells[at];
+  line.middle_mm = cell.middle_mm;
+  line.across = cell.across;
+  line.along = cell.along;
+  std::vector<Member> members;
+  for_neighbours(cells, at, [&](const RimCell& other) {
+    if (other.across.dot(cell.across) < 0.5) return;
+    for (std::size_t m = 0; m < other.members.size(); ++m) {
+      if (!takes(other, m)) continue;
+      const Eigen::Vector3d d = other.members[m]->point_mm - cell.middle_mm;
+      members.push_back({cell.along.dot(d), cell.across.dot(d), other.members[m]->sigma_mm});
+    }
+  });
+  if (members.size() < kLeastMembers) return line;
+  std::vector<double> weights(members.size(), 1.0);
+  for (int round = 0; round < kRounds; ++round) {
+    // Slopes and curvatures of what could still be seen as one line.
+    const double reach = cells.reach_mm();
+    Eigen::Matrix3d normal = Eigen::Vector3d(0.0, 1e-6, 1e-6 * reach * reach).asDiagonal();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      const double weight = weights[i] / std::max(1e-6, members[i].sigma * members[i].sigma);
+      const Eigen::Vector3d row(1.0, members[i].a, members[i].a * members[i].a);
+      normal += weight * row * row.transpose();
+      right += weight * members[i].b * row;
+    }
+    line.shape = normal.ldlt().solve(right);
+    std::vector<double> off(members.size());
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      const double a = members[i].a;
+      off[i] = std::abs(members[i].b - line.shape.x() - line.shape.y() * a - line.shape.z() * a * a);
+    }
+    line.scatter_mm = std::max(kLeastScatter_mm, 1.4826 * math::median(off));
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      const double ratio = off[i] / (kTukey * std::hypot(line.scatter_mm, members[i].sigma));
+      weights[i] = ratio < 1.0 ? std::pow(1.0 - ratio * ratio, 2) : 0.0;
+    }
+  }
+  line.known = line.shape.allFinite();
+  return line;
+}
+
 }  // namespace
 
-Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face, double cell_mm) {
+Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face, double cell_mm, ChamferSide side) {
   constexpr double kTurn = 2.0 * std::numbers::pi;
   if (rim.size() < kLeastMembers) {
     return fail(ErrorCode::kNoUniqueSolution, fmt::format("only {} edge pixels are left that may belong to a rim", rim.size()));
@@ -157,55 +206,16 @@ Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face
   }
   const double reach = std::min(kReachCells * width, std::max(1.5 * width, kReachOfRadius * math::median(known)));
   std::vector<RimCell> marked = cells;
-  mark_inner(RimCells(cells, width, reach), marked);
+  if (side == ChamferSide::kNear) mark_inner(RimCells(cells, width, reach), marked);
   return RimCells(std::move(marked), width, reach);
 }
 
 RimLine line_about(const RimCells& cells, std::size_t at) {
-  struct Member {
-    double a, b, sigma;
-  };
-  RimLine line;
-  const RimCell& cell = cells[at];
-  line.middle_mm = cell.middle_mm;
-  line.across = cell.across;
-  line.along = cell.along;
-  std::vector<Member> members;
-  for_neighbours(cells, at, [&](const RimCell& other) {
-    if (other.across.dot(cell.across) < 0.5) return;
-    for (std::size_t m = 0; m < other.members.size(); ++m) {
-      if (other.inner[m]) continue;
-      const Eigen::Vector3d d = other.members[m]->point_mm - cell.middle_mm;
-      members.push_back({cell.along.dot(d), cell.across.dot(d), other.members[m]->sigma_mm});
-    }
-  });
-  if (members.size() < kLeastMembers) return line;
-  std::vector<double> weights(members.size(), 1.0);
-  for (int round = 0; round < kRounds; ++round) {
-    // Slopes and curvatures of what could still be seen as one line.
-    const double reach = cells.reach_mm();
-    Eigen::Matrix3d normal = Eigen::Vector3d(0.0, 1e-6, 1e-6 * reach * reach).asDiagonal();
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    for (std::size_t i = 0; i < members.size(); ++i) {
-      const double weight = weights[i] / std::max(1e-6, members[i].sigma * members[i].sigma);
-      const Eigen::Vector3d row(1.0, members[i].a, members[i].a * members[i].a);
-      normal += weight * row * row.transpose();
-      right += weight * members[i].b * row;
-    }
-    line.shape = normal.ldlt().solve(right);
-    std::vector<double> off(members.size());
-    for (std::size_t i = 0; i < members.size(); ++i) {
-      const double a = members[i].a;
-      off[i] = std::abs(members[i].b - line.shape.x() - line.shape.y() * a - line.shape.z() * a * a);
-    }
-    line.scatter_mm = std::max(kLeastScatter_mm, 1.4826 * math::median(off));
-    for (std::size_t i = 0; i < members.size(); ++i) {
-      const double ratio = off[i] / (kTukey * std::hypot(line.scatter_mm, members[i].sigma));
-      weights[i] = ratio < 1.0 ? std::pow(1.0 - ratio * ratio, 2) : 0.0;
-    }
-  }
-  line.known = line.shape.allFinite();
-  return line;
+  return line_of(cells, at, [](const RimCell& cell, std::size_t member) { return !cell.inner[member]; });
+}
+
+RimLine line_about(const RimCells& cells, std::size_t at, const std::function<bool(const RimCandidate&)>& takes) {
+  return line_of(cells, at, [&](const RimCell& cell, std::size_t member) { return takes(*cell.members[member]); });
 }
 
 }  // namespace crosstie::edge::detail

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -38,8 +39,13 @@ class RimCells {
   double reach_mm_;
 };
 
-/// `cell_mm` 0: the candidates' own pieces of edge. The candidates outlive the cells. kNoUniqueSolution where there are too few.
-base::Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face, double cell_mm);
+/// Which side of a chamfer the rim is.
+enum class ChamferSide { kNear, kFar };
+
+/// `cell_mm` 0: the candidates' own pieces of edge. The candidates outlive the cells. Inner members are marked where the rim is the near side.
+/// kNoUniqueSolution where there are too few.
+base::Result<RimCells> cells_of(const std::vector<RimCandidate>& rim, const Face& face, double cell_mm,
+                                ChamferSide side = ChamferSide::kNear);
 
 /// The smooth line through a cell and its neighbours, a parabola in the face, robust; inner members aside.
 struct RimLine {
@@ -58,5 +64,7 @@ struct RimLine {
   }
 };
 RimLine line_about(const RimCells& cells, std::size_t at);
+/// The same of those members that `takes` says, inner ones too.
+RimLine line_about(const RimCells& cells, std::size_t at, const std::function<bool(const RimCandidate&)>& takes);
 
 }  // namespace crosstie::edge::detail

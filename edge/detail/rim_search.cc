@@ -62,6 +62,8 @@ std::vector<RimCandidate> without_far_rim(const std::vector<RimCandidate>& candi
       const Eigen::Vector3d d = one.point_mm - other.point_mm;
       const double across = one.out.dot(d);
       if (!(across > kLeast * one.piece_mm && across < kMost * one.piece_mm) || other.out.dot(one.out) < 0.8) return false;
+      // The far side of its own band: a chamfer, of which detail/chamfer_side.h takes one side.
+      if (other.band_mm > 0.0 && std::abs(across - other.band_mm) < kLeast * one.piece_mm) return false;
       return (d - across * one.out).norm() < kAlong * one.piece_mm;
     });
     if (!far) {

@@ -1,6 +1,7 @@
 #include "edge/detail/view_surface.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -14,8 +15,10 @@ namespace {
 
 constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
 constexpr int kLeastDepths = 40;
-constexpr double kBegin_px = 2.0;    // beyond the guard: there the surface must have begun, or the edge is not its own
-constexpr double kBeginShare = 0.5;  // of the pixels there
+// By there, from the guard on, the surface must have begun, or the edge is not its own: one line of pixels along the edge suffices, since a scan leaves
+// out pixels beside the ends of phases in either camera; a far rim that is seen through the hole lies farther off.
+constexpr int kBegin_px = 2;
+constexpr double kBeginShare = 0.5;  // of the pixels of a line along the edge where it has begun
 constexpr double kHalfWidth = 0.6;   // along the edge, of the reach across it
 constexpr int kRounds = 6;
 constexpr double kTukey = 4.7;
@@ -90,7 +93,7 @@ std::optional<std::vector<Depth>> depths_before(CameraView& view, const Eigen::V
   const int y0 = std::max(0, static_cast<int>(middle.y() - radius));
   const int y1 = std::min(view.height() - 1, static_cast<int>(middle.y() + radius) + 1);
   std::vector<Depth> depths;
-  int seen_first = 0, known_first = 0;  // of the pixels next to the edge
+  std::array<int, kBegin_px> seen = {}, known = {};  // pixels by their distance beyond the guard
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
       const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
@@ -98,9 +101,9 @@ std::optional<std::vector<Depth>> depths_before(CameraView& view, const Eigen::V
       const double q = -out.dot(d);
       if (q < guard_px || q > reach_px || std::abs(along.dot(d)) > half) continue;
       const double z = view.depth(at);
-      if (q < guard_px + kBegin_px) {
-        ++seen_first;
-        if (!std::isnan(z)) ++known_first;
+      if (const auto line = static_cast<std::size_t>(q - guard_px); line < seen.size()) {
+        ++seen[line];
+        if (!std::isnan(z)) ++known[line];
       }
       if (std::isnan(z)) continue;
       const Eigen::Vector2f tangent = view.tangent(x, y);
@@ -110,7 +113,10 @@ std::optional<std::vector<Depth>> depths_before(CameraView& view, const Eigen::V
       depths.push_back({tangent.cast<double>(), z, sigma_z, q, along.dot(d)});
     }
   }
-  if (depths.size() < kLeastDepths || known_first < kBeginShare * seen_first) return std::nullopt;
+  bool begins = false;
+  for (std::size_t line = 0; line < seen.size(); ++line)
+    begins = begins || (seen[line] > 0 && known[line] >= kBeginShare * seen[line]);
+  if (depths.size() < kLeastDepths || !begins) return std::nullopt;
   return depths;
 }
 
@@ -172,6 +178,39 @@ CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm
   return view;
 }
 
+bool goes_on(CameraView& view, const LocalSurface& surface, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
+             double beyond_px) {
+  constexpr double kStrip_px = 8.0;
+  constexpr double kHalfStrip_px = 5.0;
+  constexpr double kSigmas = 5.0;
+  const Eigen::Vector2d along(-out.y(), out.x());
+  const Eigen::Vector2d middle = at_px + (beyond_px + 0.5 * kStrip_px) * out;
+  const double radius = std::hypot(0.5 * kStrip_px, kHalfStrip_px) + 1.0;
+  const int x0 = std::max(0, static_cast<int>(middle.x() - radius));
+  const int x1 = std::min(view.width() - 1, static_cast<int>(middle.x() + radius) + 1);
+  const int y0 = std::max(0, static_cast<int>(middle.y() - radius));
+  const int y1 = std::min(view.height() - 1, static_cast<int>(middle.y() + radius) + 1);
+  int seen = 0, continued = 0;
+  for (int y = y0; y <= y1; ++y) {
+    for (int x = x0; x <= x1; ++x) {
+      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - at_px;
+      const double q = -out.dot(d);
+      const double s = along.dot(d);
+      if (-q < beyond_px || -q > beyond_px + kStrip_px || std::abs(s) > kHalfStrip_px) continue;
+      ++seen;
+      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
+      const double z = view.depth(at);
+      const Eigen::Vector2f tangent = view.tangent(x, y);
+      if (std::isnan(z) || !tangent.allFinite()) continue;
+      const Row row = (Row() << 1.0, tangent.x(), tangent.y(), q * q, q * s, s * s).finished();
+      const double sigma =
+          std::hypot(static_cast<double>(view.sigma(at)) / (z * z), std::sqrt(row.dot(surface.terms_cov * row)));
+      if (std::abs(1.0 / z - row.dot(surface.terms)) < kSigmas * sigma) ++continued;
+    }
+  }
+  return 2 * continued >= seen;
+}
+
 std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
                                            double guard_px, double reach_px) {
   const auto depths = depths_before(view, at_px, out, guard_px, reach_px);
@@ -194,6 +233,8 @@ std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector
   const Eigen::Vector3i order(1, 2, 0);
   surface.plane_cov = chosen.cofactors(order, order) * std::pow(std::max(1.0, chosen.factor), 2);
   surface.normal = -surface.plane.normalized();
+  surface.terms = chosen.at;
+  surface.terms_cov = chosen.cofactors * std::pow(std::max(1.0, chosen.factor), 2);
   surface.count = chosen.count;
   // The value of a parabola in its middle has 9 / 4 of the variance of a mean: as if from 4 / 9 of its length.
   surface.extent_px = 2.0 * kHalfWidth * reach_px;

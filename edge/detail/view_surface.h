@@ -45,10 +45,12 @@ CameraView right_view(const base::Head& head, const std::vector<float>& depth_mm
 struct LocalSurface {
   Eigen::Vector3d plane = Eigen::Vector3d::Zero();  ///< b, c, a: 1 = plane . (X, Y, Z), across the normal
   Eigen::Matrix3d plane_cov = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< unit, towards the camera
-  double inverse_depth = 0.0;                        ///< at the edge [1/mm]
-  double sigma = 0.0;                                ///< of it
-  double rms_mm = 0.0;                               ///< of the depths about the surface
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();                         ///< unit, towards the camera
+  double inverse_depth = 0.0;                                               ///< at the edge [1/mm]
+  double sigma = 0.0;                                                       ///< of it
+  double rms_mm = 0.0;                                                      ///< of the depths about the surface
+  Eigen::Matrix<double, 6, 1> terms = Eigen::Matrix<double, 6, 1>::Zero();  ///< a, b, c, d, e, f
+  Eigen::Matrix<double, 6, 6> terms_cov = Eigen::Matrix<double, 6, 6>::Zero();
   int count = 0;
   double piece_px = 0.0;   ///< along the edge: heights of edges as far from each other hardly share depths
   double extent_px = 0.0;  ///< of the depths, along the edge
@@ -61,6 +63,11 @@ struct LocalSlope {
   Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();
   double extent_px = 0.0;  ///< of the depths, along the edge
 };
+
+/// Whether a surface goes on beyond its edge: most of the pixels in a strip there, from `beyond_px` on, have depths that continue it. Behind paint it does;
+/// where a face ends, depths are missing or lie on what follows: a chamfer, a wall, the background.
+bool goes_on(CameraView& view, const LocalSurface& surface, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
+             double beyond_px);
 
 /// The surface on the material side (against `out`) of an edge at `at_px`; nothing where too few depths lie there. Robust: Tukey's weights.
 std::optional<LocalSurface> surface_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,

@@ -74,8 +74,9 @@ struct Continuation {
   bool smooth = true;   ///< they go on as those before
 };
 
+/// The phases of a strip beyond an edge, whose depth is `depth_px`, against those before it.
 Continuation continuation(const base::PhaseMap& map, const base::PhasePlane& plane, const EdgeImages& images,
-                          const PieceFrame& frame, double beyond_px) {
+                          const PieceFrame& frame, double beyond_px, double depth_px) {
   std::vector<Place> before;
   std::vector<double> sigmas;
   images.for_each(frame, kHalfWidth_px, -kGuard_px - kDepth_px, -kGuard_px, [&](std::size_t at, double t, double s) {
@@ -92,7 +93,7 @@ Continuation continuation(const base::PhaseMap& map, const base::PhasePlane& pla
   const double sigma = middle(sigmas);
   std::vector<double> off;
   std::size_t seen = 0;
-  images.for_each(frame, kHalfWidth_px, beyond_px + kGuard_px, beyond_px + kGuard_px + kDepth_px,
+  images.for_each(frame, kHalfWidth_px, beyond_px + kGuard_px, beyond_px + kGuard_px + depth_px,
                   [&](std::size_t at, double t, double s) {
                     ++seen;
                     if (map.status[at] == base::PhaseStatus::kValid)
@@ -124,7 +125,7 @@ std::optional<EdgeClass> classify_edge(const base::PhaseMap& map, const std::vec
   bool smooth = true;
   for (const auto* plane : {&map.x, &map.y}) {
     if (!*plane) continue;
-    const Continuation here = continuation(map, **plane, images, frame, beyond_px);
+    const Continuation here = continuation(map, **plane, images, frame, beyond_px, kDepth_px);
     if (!here.before) return std::nullopt;
     beyond = beyond && here.beyond;
     smooth = smooth && here.smooth;
@@ -152,6 +153,16 @@ std::optional<EdgeClass> classify_edge(const base::PhaseMap& map, const std::vec
     return *depth < (1.0 - kNearer) * *own ? EdgeClass::kShadow : EdgeClass::kMaterial;
   }
   return EdgeClass::kMaterial;
+}
+
+bool ends_here(const base::PhaseMap& map, const EdgeImages& images, const PieceFrame& frame, double beyond_px) {
+  constexpr double kStrip_px = 3.0;
+  for (const auto* plane : {&map.x, &map.y}) {
+    if (!*plane) continue;
+    const Continuation here = continuation(map, **plane, images, frame, beyond_px, kStrip_px);
+    if (!here.beyond || !here.smooth) return true;
+  }
+  return false;
 }
 
 std::optional<DepthSlopes> depth_slopes(const std::vector<float>& depth_mm, const EdgeImages& images, const PieceFrame& frame) {

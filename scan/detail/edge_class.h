@@ -15,6 +15,10 @@ namespace crosstie::scan::detail {
 std::optional<base::EdgeClass> classify_edge(const base::PhaseMap& map, const std::vector<float>* depth_mm,
                                              const EdgeImages& images, const PieceFrame& frame, double beyond_px);
 
+/// Whether the phases in front of an edge end or leave their continuation directly beyond it, from `beyond_px` on: behind an edge of paint
+/// that lies a few pixels before the end of its surface they go on as far as that.
+bool ends_here(const base::PhaseMap& map, const EdgeImages& images, const PieceFrame& frame, double beyond_px);
+
 /// How steeply the depth changes along `out` before and beyond the origin [mm/px]; nothing where depths are missing.
 struct DepthSlopes {
   double before = 0.0;

@@ -349,6 +349,7 @@ StepCandidates step_candidates(const ProfileSamples& samples, double from_px, do
     strengths[rank] = strength[i];
     found.at_px[rank] = at;
   }
+  if (found.count > 0) found.strongest = std::sqrt(strengths[0]);
   return found;
 }
 

@@ -78,6 +78,7 @@ bool fit_steps(const ProfileSamples& samples, const std::array<double, kMostEdge
 struct StepCandidates {
   std::array<double, kMostSteps> at_px = {};
   std::size_t count = 0;
+  double strongest = 0.0;  ///< the first one's change over its noise
 
   [[nodiscard]] std::span<const double> first(std::size_t steps) const { return std::span(at_px).first(steps); }
 };

@@ -83,6 +83,60 @@ TEST(HoleEdge, FarRimShadowsPaintAndLedgesAreNotTaken) {
   EXPECT_GT(found->counts.off_face + found->counts.no_surface, 100);
 }
 
+TEST(HoleEdge, CamerasThatMissEachOtherMeetHalfWay) {
+  constexpr double kMiss_px = 0.3;
+  auto stations = door().stations({}, 12);
+  const auto plain = find_hole_edge(door().views(stations), {});
+  ASSERT_TRUE(plain) << plain.error().message;
+  EXPECT_TRUE(plain->warnings.empty()) << plain->warnings.front().message;
+  // The base lies along the rows: across it the right camera's edges move along the columns.
+  for (auto& station : stations) {
+    for (base::EdgePixel& edge : station.edges[1].pixels) edge.at_px.y() += kMiss_px;
+  }
+  const auto found = find_hole_edge(door().views(stations), {});
+  ASSERT_TRUE(found) << found.error().message;
+  EXPECT_EQ(std::count_if(found->warnings.begin(), found->warnings.end(),
+                          [](const base::Warning& warning) { return warning.code == "cameras_miss"; }),
+            3);
+  const auto apart_mm = [](const HoleEdge& edge) {
+    double squares = 0.0;
+    int count = 0;
+    for (const RimPoint& point : edge.points) {
+      if (point.pixels[0] == 0 || point.pixels[1] == 0) continue;
+      squares += std::pow(point.off_mm[1] - point.off_mm[0], 2);
+      ++count;
+    }
+    return std::sqrt(squares / count);
+  };
+  EXPECT_LT(apart_mm(*found), 1.3 * apart_mm(*plain)) << "as far apart as noise leaves them";
+  EXPECT_TRUE(found->curve.closed);
+  // The left camera is the true one here: half of the miss is left, as the shared part says.
+  const RimStatistics errors = door().compare(found->curve);
+  EXPECT_GT(errors.rms_u_mm, 2.0 * door().compare(plain->curve).rms_u_mm);
+  double variance = 0.0;
+  for (const base::EdgePoint& point : found->curve.points) variance += point.sigma_u_mm * point.sigma_u_mm;
+  EXPECT_NEAR(errors.rms_u_mm / std::sqrt(variance / static_cast<double>(found->curve.points.size())), 1.0, 0.3);
+}
+
+TEST(HoleEdge, ABandBesideAFewEdgesIsNotFollowed) {
+  constexpr double kBand_px = 2.5;  // 6 mm
+  auto stations = door().stations({}, 13);
+  for (auto& station : stations) {
+    auto& pixels = station.edges[0].pixels;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      if (i % 120 >= 20) continue;
+      pixels[i].at_px -= kBand_px * pixels[i].out;
+      pixels[i].band_px = kBand_px;
+    }
+  }
+  const auto found = find_hole_edge(door().views(stations), {});
+  ASSERT_TRUE(found) << found.error().message;
+  EXPECT_TRUE(found->curve.closed);
+  const RimStatistics errors = door().compare(found->curve);
+  EXPECT_LT(errors.farthest_mm, 0.6);
+  EXPECT_NEAR(errors.normalised_u, 1.0, 0.25);
+}
+
 TEST(HoleEdge, MarkersAreMaskedAndTheirGapsNamed) {
   const auto stations = door().stations({}, 8);
   HoleEdgeOptions options;
