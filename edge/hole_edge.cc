@@ -220,6 +220,7 @@ struct Slope {
 std::optional<Slope> slope_at(detail::CameraView& left, const base::Pose& frame_from_rig, const Cell& cell,
                               const HoleEdgeOptions& options) {
   constexpr double kStep_mm = 0.5;
+  constexpr double kMostReach_px = 150.0;
   const base::Pose rig_from_frame = frame_from_rig.inverse();
   const Eigen::Vector3d across = rig_from_frame.rotation * cell.across;
   const Eigen::Vector3d along = rig_from_frame.rotation * cell.across.cross(cell.normal);
@@ -232,9 +233,11 @@ std::optional<Slope> slope_at(detail::CameraView& left, const base::Pose& frame_
   const Eigen::Vector2d edge = (*beside - *at).normalized();
   Eigen::Vector2d out(-edge.y(), edge.x());
   if (out.dot(*at - *inside) < 0.0) out = -out;
+  const double px_per_mm = out.dot(*at - *inside) / kStep_mm;
+  const double reach_px = std::clamp(options.normal_reach_mm * px_per_mm, options.surface_reach_px, kMostReach_px);
   Eigen::Matrix3d axes;
   axes << across, along, rig_from_frame.rotation * cell.normal;
-  const auto found = detail::slope_before(left, *at, out, options.surface_guard_px, options.normal_reach_px, p, axes);
+  const auto found = detail::slope_before(left, *at, out, options.surface_guard_px, reach_px, p, axes);
   if (!found) return std::nullopt;
   const Eigen::Vector3d normal = axes.col(2) - found->slope(0) * across - found->slope(1) * along;
   return Slope{frame_from_rig.rotation * normal.normalized(), found->cov.diagonal(),
@@ -434,10 +437,7 @@ Result<> HoleEdgeOptions::validate() const {
   if (!(surface_guard_px >= 0.0 && surface_reach_px >= surface_guard_px + 5.0))
     return bad(
         fmt::format("the surface is fitted from {} to {} px: at least 5 px are asked for", surface_guard_px, surface_reach_px));
-  if (!(normal_reach_px >= surface_reach_px)) {
-    return bad(
-        fmt::format("normals are fitted to {} px and surfaces to {}: normals need no less", normal_reach_px, surface_reach_px));
-  }
+  if (!(normal_reach_mm > 0.0)) return bad(fmt::format("normal_reach_mm is {}, it must be positive", normal_reach_mm));
   if (!(max_off_face_mm > 0.0)) return bad(fmt::format("max_off_face_mm is {}, it must be positive", max_off_face_mm));
   if (!(max_turn_rad > 0.0 && max_turn_rad < 1.5)) return bad(fmt::format("max_turn_rad is {}, not in (0, 1.5)", max_turn_rad));
   if (!(max_w > 0.0)) return bad(fmt::format("max_w is {}, it must be positive", max_w));

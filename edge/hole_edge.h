@@ -64,8 +64,9 @@ struct HoleEdgeOptions {
   /// How far to the material side the surface is fitted [px], and from which distance on, so that no pixel sees the edge.
   double surface_reach_px = 25.0;
   double surface_guard_px = 2.5;
-  /// How far it is fitted for the normal alone, whose slope across the rim a narrow strip hardly tells.
-  double normal_reach_px = 60.0;
+  /// How far it is fitted for the normal alone, whose slope across the rim a narrow strip hardly tells. Over much more than this a wall of 2 m is no
+  /// quadric any more (1e-4 rad at 200 mm), and a plate that the heat bends none at all.
+  double normal_reach_mm = 60.0;
   /// Edge pixels on a surface that lies farther than this from the face about the hole belong to something else: ledges, the far rim.
   double max_off_face_mm = 3.0;
   double max_turn_rad = 0.5;  ///< of an edge pixel's surface against the face: the cut face beyond the rim stands upright on it

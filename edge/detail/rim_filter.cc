@@ -108,17 +108,20 @@ void RimFilter::add_tilt(double s_mm, Smoothed& smoothed) const {
     const bool known = n > 0 && variances.minCoeff() > 0.0;
     const Weights w = weights(s_mm, points, known ? variances : Eigen::VectorXd::Ones(n), tilt_cutoff_mm_);
     Eigen::RowVectorXd together = Eigen::RowVectorXd::Zero(edge_.shared_tilt_rad.cols());
-    double alone = 0.0;
+    Eigen::VectorXd places(n);
     for (Eigen::Index j = 0; j < n; ++j) {
       const std::size_t at = points[static_cast<std::size_t>(j)];
+      places(j) = way(s_mm, off_.s_mm[at]);
       smoothed.tilt_rad(row) += w.value(j) * off_.tilt_rad(row, static_cast<Eigen::Index>(at));
       if (together.size() > 0)
         together += w.value(j) * edge_.shared_tilt_rad.row(2 * static_cast<Eigen::Index>(off_.points[at]) + row);
-      for (Eigen::Index k = 0; k < n; ++k) {
-        const double apart = std::abs(way(off_.s_mm[at], off_.s_mm[points[static_cast<std::size_t>(k)]]));
-        const double common = j == k ? 1.0 : std::max(0.0, 1.0 - apart / std::max(edge_.depths_mm, 1e-9));
-        alone += w.value(j) * w.value(k) * common * std::sqrt(variances(j) * variances(k));
-      }
+    }
+    // What two points have in common of their depths.
+    const Eigen::VectorXd parts = w.value.transpose().cwiseProduct(variances.cwiseSqrt());
+    double alone = parts.squaredNorm();
+    for (Eigen::Index j = 0; edge_.depths_mm > 0.0 && j < n; ++j) {
+      for (Eigen::Index k = j + 1; k < n; ++k)
+        alone += 2.0 * parts(j) * parts(k) * std::max(0.0, 1.0 - std::abs(places(j) - places(k)) / edge_.depths_mm);
     }
     smoothed.tilt_variance_rad2(row) = std::max(0.0, alone) + together.squaredNorm();
   }
