@@ -220,7 +220,7 @@ struct Slope {
 std::optional<Slope> slope_at(detail::CameraView& left, const base::Pose& frame_from_rig, const Cell& cell,
                               const HoleEdgeOptions& options) {
   constexpr double kStep_mm = 0.5;
-  constexpr double kMostReach_px = 150.0;
+  constexpr double kMostReach_px = 60.0;  // as many pixels tell a slope well enough, and the face of a small bore ends
   const base::Pose rig_from_frame = frame_from_rig.inverse();
   const Eigen::Vector3d across = rig_from_frame.rotation * cell.across;
   const Eigen::Vector3d along = rig_from_frame.rotation * cell.across.cross(cell.normal);
