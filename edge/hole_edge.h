@@ -65,7 +65,7 @@ struct HoleEdgeOptions {
   double surface_reach_px = 25.0;
   double surface_guard_px = 2.5;
   /// How far it is fitted for the normal alone, whose slope across the rim a narrow strip hardly tells. Over much more than this a wall of 2 m is no
-  /// quadric any more (1e-4 rad at 200 mm), and a plate that the heat bends none at all. Never more than 60 px.
+  /// quadric any more, and a plate that the heat bends none at all. Never more than 60 px.
   double normal_reach_mm = 60.0;
   /// Edge pixels on a surface that lies farther than this from the face about the hole belong to something else: ledges, the far rim.
   double max_off_face_mm = 3.0;

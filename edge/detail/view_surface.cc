@@ -81,38 +81,47 @@ Fit fit(const std::vector<Observation>& observations) {
   return result;
 }
 
-/// The depths before an edge; nothing where too few lie there or the surface does not begin at it.
-std::optional<std::vector<Depth>> depths_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
-                                                double guard_px, double reach_px) {
+/// The pixels from `from_px` to `to_px` before an edge (beyond it: negative) and up to `half_px` along it to either side: visit(x, y, q, s), q before and
+/// s along the edge.
+template <typename Visit>
+void for_strip(const CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out, double from_px, double to_px,
+               double half_px, const Visit& visit) {
   const Eigen::Vector2d along(-out.y(), out.x());
-  const double half = kHalfWidth * reach_px;
-  const Eigen::Vector2d middle = at_px - 0.5 * (guard_px + reach_px) * out;
-  const double radius = std::hypot(0.5 * (reach_px - guard_px), half) + 1.0;
+  const Eigen::Vector2d middle = at_px - 0.5 * (from_px + to_px) * out;
+  const double radius = std::hypot(0.5 * (to_px - from_px), half_px) + 1.0;
   const int x0 = std::max(0, static_cast<int>(middle.x() - radius));
   const int x1 = std::min(view.width() - 1, static_cast<int>(middle.x() + radius) + 1);
   const int y0 = std::max(0, static_cast<int>(middle.y() - radius));
   const int y1 = std::min(view.height() - 1, static_cast<int>(middle.y() + radius) + 1);
-  std::vector<Depth> depths;
-  std::array<int, kBegin_px> seen = {}, known = {};  // pixels by their distance beyond the guard
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
-      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
       const Eigen::Vector2d d = Eigen::Vector2d(x, y) - at_px;
       const double q = -out.dot(d);
-      if (q < guard_px || q > reach_px || std::abs(along.dot(d)) > half) continue;
-      const double z = view.depth(at);
-      if (const auto line = static_cast<std::size_t>(q - guard_px); line < seen.size()) {
-        ++seen[line];
-        if (!std::isnan(z)) ++known[line];
-      }
-      if (std::isnan(z)) continue;
-      const Eigen::Vector2f tangent = view.tangent(x, y);
-      if (!tangent.allFinite()) continue;
-      const double along_ray = std::sqrt(1.0 + static_cast<double>(tangent.squaredNorm()));  // distance over depth
-      const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)) / along_ray);
-      depths.push_back({tangent.cast<double>(), z, sigma_z, q, along.dot(d)});
+      const double s = along.dot(d);
+      if (q >= from_px && q <= to_px && std::abs(s) <= half_px) visit(x, y, q, s);
     }
   }
+}
+
+/// The depths before an edge; nothing where too few lie there or the surface does not begin at it.
+std::optional<std::vector<Depth>> depths_before(CameraView& view, const Eigen::Vector2d& at_px, const Eigen::Vector2d& out,
+                                                double guard_px, double reach_px) {
+  std::vector<Depth> depths;
+  std::array<int, kBegin_px> seen = {}, known = {};  // pixels by their distance beyond the guard
+  for_strip(view, at_px, out, guard_px, reach_px, kHalfWidth * reach_px, [&](int x, int y, double q, double s) {
+    const std::size_t at = view.index(x, y);
+    const double z = view.depth(at);
+    if (const auto line = static_cast<std::size_t>(q - guard_px); line < seen.size()) {
+      ++seen[line];
+      if (!std::isnan(z)) ++known[line];
+    }
+    if (std::isnan(z)) return;
+    const Eigen::Vector2f tangent = view.tangent(x, y);
+    if (!tangent.allFinite()) return;
+    const double along_ray = std::sqrt(1.0 + static_cast<double>(tangent.squaredNorm()));  // distance over depth
+    const double sigma_z = std::max(1e-4, static_cast<double>(view.sigma(at)) / along_ray);
+    depths.push_back({tangent.cast<double>(), z, sigma_z, q, s});
+  });
   bool begins = false;
   for (std::size_t line = 0; line < seen.size(); ++line)
     begins = begins || (seen[line] > 0 && known[line] >= kBeginShare * seen[line]);
@@ -135,7 +144,7 @@ void CameraView::set_tangents(std::vector<Eigen::Vector2f> tangents) {
 }
 
 Eigen::Vector2f CameraView::tangent(int x, int y) {
-  const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(width()) + static_cast<std::size_t>(x);
+  const std::size_t at = index(x, y);
   if (!known_[at]) {
     known_[at] = 1;
     if (const auto ray = camera_->unproject(Eigen::Vector2d(x, y))) tangents_[at] = (ray->head<2>() / ray->z()).cast<float>();
@@ -183,31 +192,17 @@ bool goes_on(CameraView& view, const LocalSurface& surface, const Eigen::Vector2
   constexpr double kStrip_px = 8.0;
   constexpr double kHalfStrip_px = 5.0;
   constexpr double kSigmas = 5.0;
-  const Eigen::Vector2d along(-out.y(), out.x());
-  const Eigen::Vector2d middle = at_px + (beyond_px + 0.5 * kStrip_px) * out;
-  const double radius = std::hypot(0.5 * kStrip_px, kHalfStrip_px) + 1.0;
-  const int x0 = std::max(0, static_cast<int>(middle.x() - radius));
-  const int x1 = std::min(view.width() - 1, static_cast<int>(middle.x() + radius) + 1);
-  const int y0 = std::max(0, static_cast<int>(middle.y() - radius));
-  const int y1 = std::min(view.height() - 1, static_cast<int>(middle.y() + radius) + 1);
   int seen = 0, continued = 0;
-  for (int y = y0; y <= y1; ++y) {
-    for (int x = x0; x <= x1; ++x) {
-      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - at_px;
-      const double q = -out.dot(d);
-      const double s = along.dot(d);
-      if (-q < beyond_px || -q > beyond_px + kStrip_px || std::abs(s) > kHalfStrip_px) continue;
-      ++seen;
-      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width()) + static_cast<std::size_t>(x);
-      const double z = view.depth(at);
-      const Eigen::Vector2f tangent = view.tangent(x, y);
-      if (std::isnan(z) || !tangent.allFinite()) continue;
-      const Row row = (Row() << 1.0, tangent.x(), tangent.y(), q * q, q * s, s * s).finished();
-      const double sigma =
-          std::hypot(static_cast<double>(view.sigma(at)) / (z * z), std::sqrt(row.dot(surface.terms_cov * row)));
-      if (std::abs(1.0 / z - row.dot(surface.terms)) < kSigmas * sigma) ++continued;
-    }
-  }
+  for_strip(view, at_px, out, -beyond_px - kStrip_px, -beyond_px, kHalfStrip_px, [&](int x, int y, double q, double s) {
+    ++seen;
+    const std::size_t at = view.index(x, y);
+    const double z = view.depth(at);
+    const Eigen::Vector2f tangent = view.tangent(x, y);
+    if (std::isnan(z) || !tangent.allFinite()) return;
+    const Row row = (Row() << 1.0, tangent.x(), tangent.y(), q * q, q * s, s * s).finished();
+    const double sigma = std::hypot(static_cast<double>(view.sigma(at)) / (z * z), std::sqrt(row.dot(surface.terms_cov * row)));
+    if (std::abs(1.0 / z - row.dot(surface.terms)) < kSigmas * sigma) ++continued;
+  });
   return 2 * continued >= seen;
 }
 

@@ -19,6 +19,9 @@ class CameraView {
   [[nodiscard]] int width() const { return camera_->width_px(); }
   [[nodiscard]] int height() const { return camera_->height_px(); }
   [[nodiscard]] const base::Camera& camera() const { return *camera_; }
+  [[nodiscard]] std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width()) + static_cast<std::size_t>(x);
+  }
   [[nodiscard]] float depth(std::size_t at) const { return depth_mm_[at]; }
   [[nodiscard]] float sigma(std::size_t at) const { return sigma_mm_[at]; }
   /// X/Z, Y/Z of a pixel's ray; computed once. Not a number outside of the lens model's domain.
