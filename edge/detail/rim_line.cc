@@ -46,12 +46,12 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
   constexpr double kOfBand = 0.4;
   constexpr double kLeastDistance_mm = 0.05;
   constexpr double kNearCells = 1.5;
+  constexpr double kSigmas = 3.29;
   const double near_mm = kNearCells * cells.cell_mm();
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const RimCell& cell = cells[i];
     // Offsets of the neighbours with bands, from the tangent line of this cell with their own curve taken off by a line to both sides.
-    std::vector<double> offsets, bands;
-    std::vector<double> places;
+    std::vector<double> offsets, bands, sigmas, places;
     for_neighbours(cells, i, [&](const RimCell& other) {
       for (const RimCandidate* member : other.members) {
         if (member->band_mm <= 0.0) continue;
@@ -59,6 +59,7 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
         offsets.push_back(cell.across.dot(d));
         places.push_back(cell.along.dot(d));
         bands.push_back(member->band_mm);
+        sigmas.push_back(member->sigma_mm);
       }
     });
     if (bands.size() < kLeastBands) continue;
@@ -71,6 +72,7 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
     }
     const Eigen::Vector3d line = normal.ldlt().solve(right);
     const double least = std::max(kLeastDistance_mm, kOfBand * math::median(bands));
+    const double sigma_of_near = math::median(sigmas);  // no less for many: what makes near sides uncertain, they share
     for (std::size_t m = 0; m < cell.members.size(); ++m) {
       const RimCandidate& member = *cell.members[m];
       if (member.band_mm > 0.0) continue;
@@ -80,7 +82,8 @@ void mark_inner(const RimCells& cells, std::vector<RimCell>& marked) {
       const auto beside =
           std::count_if(places.begin(), places.end(), [&](double place) { return std::abs(place - a) <= near_mm; });
       if (static_cast<std::size_t>(beside) < kLeastBands) continue;
-      if (cell.across.dot(d) - line.x() - line.y() * a - line.z() * a * a > least) marked[i].inner[m] = 1;
+      const double beyond = cell.across.dot(d) - line.x() - line.y() * a - line.z() * a * a;
+      if (beyond > std::max(least, kSigmas * std::hypot(sigma_of_near, member.sigma_mm))) marked[i].inner[m] = 1;
     }
   }
 }

@@ -176,7 +176,7 @@ void many_stations(int count) {
     truth.push_back(scanner.pose(shell, window(k)));
     const base::Cloud cloud = cloud_of(k, truth.back());
     registration::StationScan& station = input.stations.emplace_back();
-    station.name = "s" + std::to_string(k);
+    station.name = fmt::format("s{}", k);
     for (std::size_t i = 0; i < places.size(); ++i) {
       if (std::abs(places[i].x() - 350.0 * k) < 345.0)
         station.markers.push_back(scanner.sighting(static_cast<int>(i), places[i], truth.back(), 0.03));

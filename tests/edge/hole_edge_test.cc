@@ -137,6 +137,27 @@ TEST(HoleEdge, ABandBesideAFewEdgesIsNotFollowed) {
   EXPECT_NEAR(errors.normalised_u, 1.0, 0.25);
 }
 
+TEST(HoleEdge, AVagueBandDoesNotPutItsNeighboursOnTheFarSide) {
+  constexpr double kBand_px = 0.3;  // 0.7 mm
+  auto stations = door().stations({}, 13);
+  for (auto& station : stations) {
+    auto& pixels = station.edges[1].pixels;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      if (i % 120 >= 12) continue;
+      pixels[i].at_px -= kBand_px * pixels[i].out;
+      pixels[i].band_px = kBand_px;
+      pixels[i].sigma_px = kBand_px;
+    }
+  }
+  const auto found = find_hole_edge(door().views(stations), {});
+  ASSERT_TRUE(found) << found.error().message;
+  EXPECT_TRUE(found->curve.closed);
+  EXPECT_EQ(found->counts.inner, 0);
+  const RimStatistics errors = door().compare(found->curve);
+  EXPECT_LT(errors.farthest_mm, 0.4);
+  EXPECT_NEAR(errors.normalised_u, 1.0, 0.25);
+}
+
 TEST(HoleEdge, MarkersAreMaskedAndTheirGapsNamed) {
   const auto stations = door().stations({}, 8);
   HoleEdgeOptions options;
