@@ -8,6 +8,8 @@
 #include <functional>
 #include <string>
 
+#include <fmt/format.h>
+
 #include "base/parallel.h"
 #include "base/ply.h"
 #include "math/rigid_alignment.h"
@@ -56,7 +58,8 @@ Task shell_task() {
   const tests::Shell shell;
   tests::Scanner scanner(1);
   const tests::Window windows[2] = {{.along_mm = -225.0}, {.along_mm = 225.0}};
-  Task task{.name = "twin shell, 2 x 20 000 points"};
+  Task task;
+  task.name = "twin shell, 2 x 20 000 points";
   const base::Pose first = scanner.pose(shell, windows[0]);
   const base::Pose second = scanner.pose(shell, windows[1]);
   std::vector<math::AlignmentPair> pairs;
@@ -75,7 +78,8 @@ Task shell_task() {
 }
 
 Task moved_task(base::Cloud cloud) {
-  Task task{.name = "plaster-head, moved"};
+  Task task;
+  task.name = "plaster-head, moved";
   task.truth = {base::rotation_exp({0.02, -0.015, 0.01}), {2.0, -1.5, 1.0}};
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& point : cloud.points) middle += point / static_cast<double>(cloud.points.size());
