@@ -360,11 +360,14 @@ void against_opencv() {
 }  // namespace
 }  // namespace crosstie::bench
 
-int main() {
+/// bench_scan [bars] [opencv] [growth]: these parts, else all.
+int main(int argc, char** argv) {
   using namespace crosstie::bench;
+  const std::vector<std::string> parts(argv + 1, argv + argc);
+  const auto wanted = [&](const char* part) { return parts.empty() || std::find(parts.begin(), parts.end(), part) != parts.end(); };
   print_heading("the bar, or OpenCV structured_light");
-  against_bars();
-  against_opencv();
-  growth();
+  if (wanted("bars")) against_bars();
+  if (wanted("opencv")) against_opencv();
+  if (wanted("growth")) growth();
   return 0;
 }
