@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
+#include <numeric>
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
@@ -10,6 +12,7 @@
 #include "base/parallel.h"
 #include "scan/detail/calibration_part.h"
 #include "scan/detail/rectified_map.h"
+#include "scan/detail/rows.h"
 #include "scan/detail/smooth.h"
 
 namespace crosstie::scan {
@@ -34,10 +37,13 @@ Surface surface_of(const DepthMap& depths, int threads) {
   Surface surface;
   surface.good.resize(depths.depth_mm.size());
   surface.inverse.resize(depths.depth_mm.size());
-  for (std::size_t i = 0; i < depths.depth_mm.size(); ++i) {
-    surface.good[i] = !std::isnan(depths.depth_mm[i]);
-    surface.inverse[i] = surface.good[i] ? 1.0F / depths.depth_mm[i] : kNowhere;
-  }
+  const auto w = static_cast<std::size_t>(depths.width);
+  detail::over_rows(depths.height, threads, [&](int first, int last) {
+    for (std::size_t i = static_cast<std::size_t>(first) * w; i < static_cast<std::size_t>(last) * w; ++i) {
+      surface.good[i] = !std::isnan(depths.depth_mm[i]);
+      surface.inverse[i] = surface.good[i] ? 1.0F / depths.depth_mm[i] : kNowhere;
+    }
+  });
   surface.smooth = detail::box_mean(surface.inverse, surface.good, depths.width, depths.height, kSurfaceRadius_px, threads,
                                     &surface.averaged);
   return surface;
@@ -58,7 +64,7 @@ Result<> CloudOptions::validate() const {
 Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left, const base::Head& head,
                              const CloudOptions& options, const base::Progress& progress) {
   if (auto ok = options.validate(); !ok) return fail(std::move(ok));
-  const auto map = detail::RectifiedMap::make(head.left, Eigen::Matrix3d::Identity());
+  const auto map = detail::RectifiedMap::make(head.left, Eigen::Matrix3d::Identity(), options.threads);
   if (!map) return tl::unexpected(map.error());
   const int width = depths.width;
   const int height = depths.height;
@@ -67,7 +73,7 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
   std::vector<char> filtered;
   const std::vector<float> inverse =
       detail::box_mean(surface.inverse, surface.good, width, height, options.filter_radius_px, options.threads, &filtered);
-  const std::vector<float> calibration = detail::calibration_sigmas(head, depths);
+  const std::vector<float> calibration = detail::calibration_sigmas(head, depths, options.threads);
 
   std::vector<Eigen::Vector3f> normals(depths.depth_mm.size(), Eigen::Vector3f::Zero());
   std::vector<char> keep(depths.depth_mm.size(), 0);
@@ -121,33 +127,47 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
     result.grazing += grazing;
     result.off_surface += off_surface;
   }
-  const auto count = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), 1));
+  // Where the points of each band of rows begin in the cloud.
+  std::vector<std::size_t> begins(detail::band_count(height) + 1, 0);
+  detail::over_rows(height, options.threads, [&](int first, int last) {
+    const auto row = [&](int y) { return keep.begin() + static_cast<std::ptrdiff_t>(y) * width; };
+    begins[detail::band_of(first) + 1] = static_cast<std::size_t>(std::count(row(first), row(last), 1));
+  });
+  std::partial_sum(begins.begin(), begins.end(), begins.begin());
+  const std::size_t count = begins.back();
   if (count == 0) return fail(ErrorCode::kNoUniqueSolution, "no pixel of the left camera has a partner in the right one");
   base::Cloud& cloud = result.cloud;
   cloud.frame = "rig";
-  cloud.points.reserve(count);
-  cloud.normals.reserve(count);
-  const bool both = !depths.epipolar_px.empty();
+  cloud.points.resize(count);
+  cloud.normals.resize(count);
   const base::PhasePlane& plane = left.x ? *left.x : *left.y;
-  std::vector<double> sigma, calibration_mm, light, modulation, epipolar, column, row;
+  const bool both = !depths.epipolar_px.empty();
+  std::vector<double> sigma(count), calibration_mm(calibration.empty() ? 0 : count), light(count), modulation(count),
+      epipolar(both ? count : 0), column(count), row(count);
   result.depth_mm.assign(depths.depth_mm.size(), kNowhere);
-  double footprint = 0.0;
-  for (std::size_t at = 0; at < keep.size(); ++at) {
-    if (!keep[at]) continue;
-    const double z = 1.0 / static_cast<double>(inverse[at]);
-    result.depth_mm[at] = static_cast<float>(z);
-    cloud.points.emplace_back(z * Eigen::Vector3d(x_all[at], y_all[at], 1.0));
-    cloud.normals.emplace_back(normals[at].cast<double>());
-    const double averaged = filtered[at] ? 2.0 * options.filter_radius_px + 1.0 : 1.0;
-    sigma.push_back(static_cast<double>(depths.sigma_mm[at]) / averaged);
-    if (!calibration.empty()) calibration_mm.push_back(calibration[at]);
-    light.push_back(left.light[at]);
-    modulation.push_back(plane.modulation[at]);
-    if (both) epipolar.push_back(depths.epipolar_px[at]);
-    column.push_back(static_cast<double>(at % w));
-    row.push_back(static_cast<double>(at / w));
-    footprint += z / head.left.focal_px().mean() / static_cast<double>(count);
-  }
+  std::vector<double> footprints(detail::band_count(height), 0.0);
+  const double focal_px = head.left.focal_px().mean();
+  detail::over_rows(height, options.threads, [&](int first, int last) {
+    std::size_t i = begins[detail::band_of(first)];
+    for (std::size_t at = static_cast<std::size_t>(first) * w; at < static_cast<std::size_t>(last) * w; ++at) {
+      if (!keep[at]) continue;
+      const double z = 1.0 / static_cast<double>(inverse[at]);
+      result.depth_mm[at] = static_cast<float>(z);
+      cloud.points[i] = z * Eigen::Vector3d(x_all[at], y_all[at], 1.0);
+      cloud.normals[i] = normals[at].cast<double>();
+      const double averaged = filtered[at] ? 2.0 * options.filter_radius_px + 1.0 : 1.0;
+      sigma[i] = static_cast<double>(depths.sigma_mm[at]) / averaged;
+      if (!calibration.empty()) calibration_mm[i] = calibration[at];
+      light[i] = left.light[at];
+      modulation[i] = plane.modulation[at];
+      if (both) epipolar[i] = depths.epipolar_px[at];
+      column[i] = static_cast<double>(at % w);
+      row[i] = static_cast<double>(at / w);
+      footprints[detail::band_of(first)] += z / focal_px;
+      ++i;
+    }
+  });
+  const double footprint = std::accumulate(footprints.begin(), footprints.end(), 0.0) / static_cast<double>(count);
   cloud.fields.push_back({"sigma_mm", std::move(sigma)});
   if (!calibration.empty()) cloud.fields.push_back({"calibration_mm", std::move(calibration_mm)});
   cloud.fields.push_back({"light", std::move(light)});

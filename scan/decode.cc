@@ -11,15 +11,15 @@
 #include <fmt/format.h>
 
 #include "base/parallel.h"
-#include "math/distributions.h"
 #include "scan/detail/blur_shift.h"
 #include "scan/detail/fringe_kernel.h"
 #include "scan/detail/fringe_set.h"
 #include "scan/detail/gray_code.h"
 #include "scan/detail/guard.h"
 #include "scan/detail/noise.h"
+#include "scan/detail/phase_quality.h"
 #include "scan/detail/ripple.h"
-#include "scan/detail/smooth.h"
+#include "scan/detail/rows.h"
 #include "scan/detail/stillness.h"
 #include "scan/detail/unwrap.h"
 
@@ -39,26 +39,11 @@ using base::ProjectorAxis;
 using base::Result;
 using detail::FringeSet;
 
-constexpr double kLeastSigma = 0.3;  // grey levels: quantisation alone
-constexpr double kDisturbedSignificance = 1e-5;
 constexpr std::int64_t kLeastChanges = 100;  // of the Gray code, to tell whether it belongs to the fringes
 constexpr std::size_t kLeastPixels = 100;    // with modulation, for there to be anything to decode
 
 /// Images of one axis, set and exposure.
 using SetKey = std::tuple<ProjectorAxis, int, double>;
-
-/// B^2 with less noise, where a pixel's neighbours agree with it: near the least modulation that is taken, those whose noise made it
-/// larger would be taken, with a sigma that is too small.
-std::vector<float> squared_modulation(const FringeSet& set, int width, int height, int threads) {
-  constexpr float kAgreement = 2.0F;  // of the mean over the neighbours
-  std::vector<float> own(set.modulation.size());
-  for (std::size_t i = 0; i < own.size(); ++i) own[i] = set.modulation[i] * set.modulation[i];
-  std::vector<float> mean = detail::box_mean(own, std::vector<char>(own.size(), 1), width, height, 1, threads);
-  for (std::size_t i = 0; i < own.size(); ++i) {
-    if (!(mean[i] < kAgreement * own[i] && own[i] < kAgreement * mean[i])) mean[i] = own[i];
-  }
-  return mean;
-}
 
 /// The largest significant shift of an image of a set [turns], 0: none.
 double larger_drift(const detail::ImageDrift::Estimate& drift, double* sigma = nullptr) {
@@ -225,54 +210,24 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
   plane.fringes = code.fringes[finest];
 
   std::vector<FringeSet> all;
-  std::vector<std::vector<float>> sigmas;
   for (std::size_t f = 0; f < code.fringes.size(); ++f) all.push_back(fused(axis, static_cast<int>(f), noise));
+  std::vector<std::vector<float>> sigmas;
   double squares = 0.0;
-  std::int64_t tested = 0;
-  std::int64_t disturbed = 0;
+  std::int64_t tested = 0, disturbed = 0;
   for (const FringeSet& set : all) {
-    std::vector<float> sigma(pixels());
-    const std::vector<float> squared = squared_modulation(set, width, height, options.threads);
-    const int dof = set.steps - 3;
-    const double limit = dof > 0 ? options.max_residual_ratio * options.max_residual_ratio *
-                                       math::chi_square_quantile(1.0 - kDisturbedSignificance, dof) / dof
-                                 : 0.0;
-    for (std::size_t i = 0; i < pixels(); ++i) {
-      const double variance = std::max(kLeastSigma * kLeastSigma, noise.variance(set.mean[i]));
-      const double modulation = set.modulation[i];
-      const double amplitude_variance = set.gain_at(i) * variance;
-      // Noise makes the amplitude longer, by twice its variance on average.
-      const double amplitude = std::sqrt(std::max(1e-12, static_cast<double>(squared[i]) - 2.0 * amplitude_variance));
-      sigma[i] = static_cast<float>(std::sqrt(amplitude_variance) / (2.0 * std::numbers::pi * amplitude));
-      if (map.status[i] != PhaseStatus::kValid) continue;
-      if (modulation <= 0.0) {  // cut off, at one end of the grey scale or at the other
-        map.status[i] = set.mean[i] < 0.5 * set.white_level ? PhaseStatus::kDark : PhaseStatus::kSaturated;
-      } else if (modulation < options.min_modulation ||
-                 static_cast<double>(sigma[i]) * 2.0 * std::numbers::pi > options.max_phase_sigma_rad) {
-        map.status[i] = PhaseStatus::kDark;
-      } else if (dof > 0) {
-        const double expected = variance + waveform * (dof + 3) / dof * modulation * modulation;
-        const double ratio = set.squares[i] / expected;
-        squares += ratio;
-        ++tested;
-        if (options.max_residual_ratio > 0.0 && ratio > limit) {
-          map.status[i] = PhaseStatus::kDisturbed;
-          ++disturbed;
-        }
-      }
-    }
-    sigmas.push_back(std::move(sigma));
+    auto quality = detail::judge_phases(set, noise, waveform, options, width, height, map.status);
+    squares += quality.squares;
+    tested += quality.tested;
+    disturbed += quality.disturbed;
+    sigmas.push_back(std::move(quality.sigma_turns));
   }
   if (tested > 0) {
     map.residual_ratio = std::max(map.residual_ratio, std::sqrt(squares / static_cast<double>(tested)));
     map.disturbed_fraction = std::max(map.disturbed_fraction, static_cast<double>(disturbed) / static_cast<double>(tested));
   }
   std::vector<char> good(pixels());
-  std::size_t lit = 0;
-  for (std::size_t i = 0; i < pixels(); ++i) {
-    good[i] = map.status[i] == PhaseStatus::kValid;
-    lit += static_cast<std::size_t>(good[i]);
-  }
+  for (std::size_t i = 0; i < good.size(); ++i) good[i] = map.status[i] == PhaseStatus::kValid;
+  const auto lit = static_cast<std::size_t>(std::count(good.begin(), good.end(), 1));
   if (lit < kLeastPixels) {
     return fail(
         ErrorCode::kBadInput,
@@ -282,15 +237,16 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
   }
   if (options.correct_ripple) {
     for (std::size_t f = 0; f < all.size(); ++f) {
-      const double amplitude = detail::correct_ripple(good, width, height, all[f]);
+      const double amplitude = detail::correct_ripple(good, width, height, all[f], options.threads);
       if (f == finest) plane.ripple_turns = amplitude;
     }
   }
 
-  plane.sigma_turns = sigmas[finest];
+  plane.sigma_turns = code.gray_bits == 0 && all.size() > 1 ? sigmas[finest] : std::move(sigmas[finest]);
   if (code.gray_bits > 0) {
     const detail::GrayWords& code_words = words.at(axis);
-    const auto found = detail::find_word_offset(code_words, all[finest], good, width, height, code.word_periods);
+    const auto found =
+        detail::find_word_offset(code_words, all[finest], good, width, height, code.word_periods, options.threads);
     plane.word_offset = code.word_offset.value_or(found.offset);
     plane.word_agreement = found.agreement;
     const std::string why = found.changes < kLeastChanges ? "it hardly changes"
@@ -316,7 +272,7 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
     auto done = detail::unwrap_by_sets(sets_of_axis, sigmas, code, width, height, options.threads, plane, map.status, progress);
     if (!done) return fail(std::move(done));
   } else {
-    plane.turns = all[finest].turns;
+    plane.turns = std::move(all[finest].turns);
   }
   const double slope = detail::median_slope(plane, width, height);  // finest turns per px
   for (std::size_t f = 0; f < all.size() && slope > 0.0; ++f) {
@@ -422,21 +378,31 @@ Result<PhaseMap> Decoder::finish(const base::Progress& progress) {
     repeated.push_back(
         {parts.sequence.patterns[static_cast<std::size_t>(first)], std::move(image), std::move(parts.last_images.at(first))});
   }
-  detail::compare_repeated(repeated, map.noise, parts.options.max_movement_px, map.stillness);
+  const int threads = parts.options.threads;
+  auto compared = detail::compare_repeated(repeated, map.noise, parts.options.max_movement_px, threads, map.stillness);
+  if (!compared) return fail(std::move(compared));
   auto still = detail::judge_stillness(map.stillness, parts.options.max_movement_px, parts.options.max_light_change);
   if (!still) return fail(std::move(still));
-  for (std::size_t i = 0; i < parts.pixels(); ++i) {
-    ++map.counts[static_cast<std::size_t>(map.status[i])];
-    if (map.status[i] == PhaseStatus::kValid) continue;
-    for (auto* plane : {&map.x, &map.y}) {
-      if (*plane) (*plane)->turns[i] = std::numeric_limits<float>::quiet_NaN();
+  using Counts = decltype(map.counts);
+  std::vector<Counts> counts(detail::band_count(map.height), Counts{});
+  detail::over_rows(map.height, threads, [&](int first, int last) {
+    Counts& count = counts[detail::band_of(first)];
+    for (std::size_t i = map.at(0, first); i < map.at(0, last); ++i) {
+      ++count[static_cast<std::size_t>(map.status[i])];
+      if (map.status[i] == PhaseStatus::kValid) continue;
+      for (auto* plane : {&map.x, &map.y}) {
+        if (*plane) (*plane)->turns[i] = std::numeric_limits<float>::quiet_NaN();
+      }
     }
+  });
+  for (const Counts& count : counts) {
+    for (std::size_t status = 0; status < count.size(); ++status) map.counts[status] += count[status];
   }
   // Of an exposure series modulations are those of different exposures from pixel to pixel: their changes tell nothing.
   const bool one_exposure =
       std::all_of(parts.sequence.patterns.begin(), parts.sequence.patterns.end(),
                   [&](const Pattern& pattern) { return pattern.exposure == parts.sequence.patterns.front().exposure; });
-  if (parts.options.correct_blur && one_exposure) (void)detail::correct_blur_shift(map, parts.options.threads);
+  if (parts.options.correct_blur && one_exposure) (void)detail::correct_blur_shift(map, threads);
   return map;
 }
 

@@ -15,6 +15,7 @@
 #include "scan/detail/guard.h"
 #include "scan/detail/rectification.h"
 #include "scan/detail/rectified_map.h"
+#include "scan/detail/rows.h"
 #include "scan/detail/smooth.h"
 
 namespace crosstie::scan {
@@ -40,8 +41,36 @@ struct Target {
   std::vector<float> x_px;           ///< rectified, times the focal length
   std::vector<float> y_px;
   std::vector<char> good;
-  double slope = 0.0;  ///< median change of the first phase over a pixel along the curves, with its sign
+  std::vector<char> long_row, long_column;  ///< whether all pixels are good from kBendReach before to one more behind, along it
+  double slope = 0.0;                       ///< median change of the first phase over a pixel along the curves, with its sign
 };
+
+constexpr int kBendReach = 3;
+
+/// Fills long_row and long_column.
+void mark_long(Target& target, int width, int height, int threads) {
+  const auto w = static_cast<std::size_t>(width);
+  target.long_row.assign(target.good.size(), 0);
+  target.long_column.assign(target.good.size(), 0);
+  detail::over_rows(height, threads, [&](int first, int last) {
+    for (int y = first; y < last; ++y) {
+      const std::size_t at = static_cast<std::size_t>(y) * w;
+      const char* good = &target.good[at];
+      for (std::size_t x = kBendReach; x + kBendReach + 1 < w; ++x) {
+        const char* g = good + x;
+        target.long_row[at + x] = static_cast<char>(g[-3] & g[-2] & g[-1] & g[0] & g[1] & g[2] & g[3] & g[4]);
+      }
+      if (y < kBendReach || y + kBendReach + 1 >= height) continue;
+      for (std::size_t x = 0; x < w; ++x) {
+        const char* g = good + x;
+        const auto d = static_cast<std::ptrdiff_t>(w);
+        target.long_column[at + x] =
+            static_cast<char>(g[-3 * d] & g[-2 * d] & g[-d] & g[0] & g[d] & g[2 * d] & g[3 * d] & g[4 * d]);
+      }
+    }
+  });
+  static_assert(kBendReach == 3);
+}
 
 /// Right pixels by both coordinates.
 class Table {
@@ -121,6 +150,24 @@ struct Place {
   double u = 0.0, v = 0.0;
 };
 
+/// Where the next left pixel of a row may have its place: as far on from the last one as that from the one before.
+class Guess {
+ public:
+  [[nodiscard]] bool known() const { return places_ > 1; }
+  [[nodiscard]] Eigen::Vector2d next() const { return 2.0 * last_ - before_; }
+  void add(const Eigen::Vector2d& place) {
+    before_ = last_;
+    last_ = place;
+    ++places_;
+  }
+  void forget() { places_ = 0; }
+
+ private:
+  Eigen::Vector2d last_ = Eigen::Vector2d::Zero();
+  Eigen::Vector2d before_ = Eigen::Vector2d::Zero();
+  int places_ = 0;
+};
+
 struct Match {
   double x_px = 0.0;      ///< rectified
   double sigma_px = 0.0;  ///< of x_px
@@ -139,12 +186,18 @@ class Matcher {
         options_(options),
         table_(target, target.first_smooth, second_plane(), std::abs(target.slope), second_step(map)) {}
 
-  /// The place with the coordinates (a, b) and what it says of the left pixel whose curve is y_px.
-  [[nodiscard]] Outcome find(float a, float sigma_a, float b, float sigma_b, float y_px, Match& match) const {
-    const std::int32_t start = table_.near(a, b);
-    if (start < 0) return Outcome::kNone;
+  /// The place with the coordinates (a, b) and what it says of the left pixel whose curve is y_px. `guess` is that of the pixel's row.
+  [[nodiscard]] Outcome find(float a, float sigma_a, float b, float sigma_b, float y_px, Guess& guess, Match& match) const {
     Place place;
-    if (!walk(static_cast<std::size_t>(start), a, b, place)) return Outcome::kNone;
+    if (!guess.known() || !walk(guess.next(), a, b, place)) {
+      guess.forget();
+      const std::int32_t start = table_.near(a, b);
+      if (start < 0) return Outcome::kNone;
+      const auto pixel = static_cast<std::size_t>(start);
+      const Eigen::Vector2d middle(static_cast<double>(pixel % width_) + 0.5, static_cast<double>(pixel / width_) + 0.5);
+      if (!walk(middle, a, b, place)) return Outcome::kNone;
+    }
+    guess.add({static_cast<double>(place.cell % width_) + place.u, static_cast<double>(place.cell / width_) + place.v});
     const Cell cell_x(target_.x_px, place.cell, width_);
     const Cell cell_y(target_.y_px, place.cell, width_);
     Eigen::Matrix2d rectified;  // d (x, y) rectified / d (u, v)
@@ -184,29 +237,22 @@ class Matcher {
   }
 
  private:
-  static constexpr std::size_t kBendReach = 3;
-
   /// Between pixels: linear, less what a curve falls short of its chord, by the bending of the plane with less noise.
   [[nodiscard]] double value_at(const std::vector<float>& plane, const std::vector<float>& smooth, const Place& place) const {
     const double linear = Cell(plane, place.cell, width_).at(place.u, place.v);
-    const std::size_t column = place.cell % width_;
-    const std::size_t row = place.cell / width_;
-    if (column < kBendReach || row < kBendReach || column + kBendReach + 1 >= width_ || row + kBendReach + 1 >= height_)
-      return linear;
     // Over so many pixels that its noise is a hundredth of a pixel's.
-    const auto bend = [&](std::size_t along, std::size_t across) -> double {
+    const auto bend = [&](const std::vector<char>& whole, std::size_t along, std::size_t across) -> double {
       constexpr double kArms = kBendReach * (kBendReach + 1);
+      if (!whole[place.cell] || !whole[place.cell + across]) return 0.0;
       double sum = 0.0;
       for (const std::size_t at : {place.cell, place.cell + across}) {
-        for (std::size_t k = 1; k <= kBendReach; ++k) {
-          if (!target_.good[at - k * along] || !target_.good[at + (k + 1) * along]) return 0.0;
-        }
         sum += static_cast<double>(smooth[at + (kBendReach + 1) * along] - smooth[at + along] - smooth[at] +
                                    smooth[at - kBendReach * along]);
       }
       return 0.5 * sum / kArms;  // of two lines the mean
     };
-    return linear - 0.5 * (place.u * (1.0 - place.u) * bend(1, width_) + place.v * (1.0 - place.v) * bend(width_, 1));
+    return linear - 0.5 * (place.u * (1.0 - place.u) * bend(target_.long_row, 1, width_) +
+                           place.v * (1.0 - place.v) * bend(target_.long_column, width_, 1));
   }
 
   [[nodiscard]] const std::vector<float>& second_plane() const {
@@ -216,12 +262,13 @@ class Matcher {
     return target_.second != nullptr ? std::max(1e-6, detail::median_slope(*target_.second, map.width, map.height)) : 1.0;
   }
 
-  /// From a pixel to the cell in which both coordinates are met.
-  [[nodiscard]] bool walk(std::size_t start, float a, float b, Place& place) const {
+  /// From a place to the cell in which both coordinates are met.
+  [[nodiscard]] bool walk(const Eigen::Vector2d& start, float a, float b, Place& place) const {
     constexpr double kSlack = 1e-3;
-    auto x = static_cast<std::ptrdiff_t>(start % width_);
-    auto y = static_cast<std::ptrdiff_t>(start / width_);
-    double u = 0.5, v = 0.5;
+    auto x = static_cast<std::ptrdiff_t>(std::floor(start.x()));
+    auto y = static_cast<std::ptrdiff_t>(std::floor(start.y()));
+    double u = start.x() - static_cast<double>(x);
+    double v = start.y() - static_cast<double>(y);
     for (int step = 0; step < kMaxCells; ++step) {
       if (x < 0 || y < 0 || x + 1 >= static_cast<std::ptrdiff_t>(width_) || y + 1 >= static_cast<std::ptrdiff_t>(height_))
         return false;
@@ -332,9 +379,13 @@ Result<> check(const PhaseMap& left, const PhaseMap& right, const base::Head& he
   return {};
 }
 
-/// Signed median and 1.4826 times the median absolute deviation from it.
-std::pair<double, double> median_and_mad(std::vector<float> values) {
-  std::erase_if(values, [](float v) { return std::isnan(v); });
+/// Signed median and 1.4826 times the median absolute deviation from it, of a sample of the pixels.
+std::pair<double, double> median_and_mad(const std::vector<float>& plane) {
+  constexpr std::size_t kSample = 200000;
+  std::vector<float> values;
+  for (std::size_t i = 0; i < plane.size(); i += 1 + plane.size() / kSample) {
+    if (!std::isnan(plane[i])) values.push_back(plane[i]);
+  }
   const double median = math::median(values);
   for (float& v : values) v = std::abs(v - static_cast<float>(median));
   return {median, 1.4826 * math::median(values)};
@@ -358,9 +409,9 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
   if (auto ok = check(left, right, head); !ok) return fail(std::move(ok));
   const auto frame = detail::rectify(head.right_from_left);
   if (!frame) return tl::unexpected(frame.error());
-  const auto left_map = detail::RectifiedMap::make(head.left, frame->rectified_from_left);
+  const auto left_map = detail::RectifiedMap::make(head.left, frame->rectified_from_left, options.threads);
   if (!left_map) return tl::unexpected(left_map.error());
-  const auto right_map = detail::RectifiedMap::make(head.right, frame->rectified_from_right);
+  const auto right_map = detail::RectifiedMap::make(head.right, frame->rectified_from_right, options.threads);
   if (!right_map) return tl::unexpected(right_map.error());
   const double focal_px = head.right.focal_px().mean();
 
@@ -370,7 +421,7 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
   target.second = right.x && right.y ? &*right.y : nullptr;
   const PhasePlane& first = x_first ? *left.x : *left.y;
   const PhasePlane* second = left.x && left.y ? &*left.y : nullptr;
-  target.good = detail::guarded_pixels(right, options.guard_px, options.guard_creases);
+  target.good = detail::guarded_pixels(right, options.guard_px, options.guard_creases, options.threads);
   target.x_px.resize(right.status.size());
   target.y_px.resize(right.status.size());
   const auto right_width = static_cast<std::size_t>(right.width);
@@ -403,8 +454,9 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
         detail::box_mean(target.second->turns, target.good, right.width, right.height, radius, options.threads);
   }
 
+  mark_long(target, right.width, right.height, options.threads);
   const Matcher matcher(right, target, options);
-  const std::vector<char> good = detail::guarded_pixels(left, options.guard_px, options.guard_creases);
+  const std::vector<char> good = detail::guarded_pixels(left, options.guard_px, options.guard_creases, options.threads);
   DepthMap map;
   map.width = left.width;
   map.height = left.height;
@@ -425,6 +477,7 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
     Counts& count = counts[task];
     for (int y = from; y < std::min(left.height, from + kRowsPerTask); ++y) {
       left_map->row(y, x_row.data(), y_row.data());
+      Guess guess;
       for (int x = 0; x < left.width; ++x) {
         const std::size_t at = left.at(x, y);
         if (left.status[at] != base::PhaseStatus::kValid) continue;
@@ -437,7 +490,7 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
         Match found;
         const Outcome outcome =
             matcher.find(first.turns[at], first.sigma_turns[at], second != nullptr ? second->turns[at] : y_px,
-                         second != nullptr ? second->sigma_turns[at] : 0.0F, y_px, found);
+                         second != nullptr ? second->sigma_turns[at] : 0.0F, y_px, guess, found);
         if (outcome != Outcome::kMatched) {
           ++(outcome == Outcome::kNone ? count.unmatched : count.off_curve);
           if (outcome == Outcome::kOffCurve) map.epipolar_px[at] = static_cast<float>(found.off_px);

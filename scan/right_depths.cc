@@ -18,7 +18,7 @@ std::vector<float> right_depths(const DepthMap& depths, const base::Head& head) 
   const auto w = static_cast<std::size_t>(width);
   constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
   std::vector<float> seen(w * static_cast<std::size_t>(height), kNowhere);
-  const auto rays = detail::RectifiedMap::make(head.left, Eigen::Matrix3d::Identity());
+  const auto rays = detail::RectifiedMap::make(head.left, Eigen::Matrix3d::Identity(), 1);
   if (!rays) return seen;
   std::vector<float> x_over_z(static_cast<std::size_t>(depths.width)), y_over_z(x_over_z);
   for (int y = 0; y < depths.height; ++y) {

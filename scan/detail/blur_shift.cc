@@ -5,14 +5,13 @@
 #include <cmath>
 #include <limits>
 
-#include "base/parallel.h"
 #include "scan/detail/guard.h"
+#include "scan/detail/rows.h"
 #include "scan/detail/smooth.h"
 
 namespace crosstie::scan::detail {
 namespace {
 
-constexpr int kRowsPerTask = 32;
 constexpr int kReach = 3;                  // pixels on each side that the derivative of the brightness takes
 constexpr int kRadius = 3;                 // of the neighbourhood whose mean is taken off
 constexpr int kGuard_px = 4;               // from the end of a surface, beyond which another one may shine in
@@ -29,10 +28,17 @@ float derivative(const float* at, std::ptrdiff_t stride) {
 
 /// Change of turns per px along one direction, from neighbours of the same surface: on both sides where there are, else on one.
 bool slope(const std::vector<float>& turns, std::size_t at, std::ptrdiff_t stride, float& result) {
+  constexpr float kWhole = static_cast<float>(kReach * (kReach + 1) * (2 * kReach + 1)) / 3.0F;  // sum of 2 k^2
   const auto value = [&](std::ptrdiff_t steps) {
     return turns[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + steps * stride)];
   };
   float sum = 0.0F, weight = 0.0F;
+  for (std::ptrdiff_t k = 1; k <= kReach; ++k) sum += static_cast<float>(k) * (value(k) - value(-k));
+  if (!std::isnan(sum)) {
+    result = sum / kWhole;
+    return true;
+  }
+  sum = 0.0F;
   for (std::ptrdiff_t k = 1; k <= kReach; ++k) {
     const float both = value(k) - value(-k);
     if (std::isnan(both)) continue;
@@ -56,11 +62,8 @@ bool slope(const std::vector<float>& turns, std::size_t at, std::ptrdiff_t strid
 std::vector<float> leanings(const base::PhaseMap& map, const base::PhasePlane& plane, int threads) {
   const auto w = static_cast<std::size_t>(map.width);
   std::vector<float> result(plane.turns.size(), std::numeric_limits<float>::quiet_NaN());
-  const auto tasks = static_cast<std::size_t>((map.height + kRowsPerTask - 1) / kRowsPerTask);
-  (void)base::parallel_for(tasks, threads, "blur", {}, [&](std::size_t task) -> base::Result<> {
-    const int from = std::max(kReach, static_cast<int>(task) * kRowsPerTask);
-    const int to = std::min(map.height - kReach, static_cast<int>(task + 1) * kRowsPerTask);
-    for (int y = from; y < to; ++y) {
+  over_rows(map.height, threads, [&](int first, int last) {
+    for (int y = std::max(kReach, first); y < std::min(map.height - kReach, last); ++y) {
       for (int x = kReach; x < map.width - kReach; ++x) {
         const std::size_t at = map.at(x, y);
         if (std::isnan(plane.turns[at]) || plane.modulation[at] < kLeastModulation) continue;
@@ -70,7 +73,6 @@ std::vector<float> leanings(const base::PhaseMap& map, const base::PhasePlane& p
         result[at] = (across * derivative(b, 1) + down * derivative(b, static_cast<std::ptrdiff_t>(w))) / *b;
       }
     }
-    return {};
   });
   return result;
 }
@@ -78,14 +80,19 @@ std::vector<float> leanings(const base::PhaseMap& map, const base::PhasePlane& p
 /// Sums of the regression of phases on leanings, both less their means over the neighbourhood (of the phase: less its plane, since its
 /// mean over a square is that of the middle).
 struct Sums {
-  double xx = 0.0, xy = 0.0, count = 0.0;
+  double xx = 0.0, xy = 0.0;
+
+  void operator+=(const Sums& other) {
+    xx += other.xx;
+    xy += other.xy;
+  }
 };
 
-Sums regress(const base::PhaseMap& map, const base::PhasePlane& plane, const std::vector<float>& lean,
-             const std::vector<char>& one_surface) {
+Sums regress_rows(const base::PhaseMap& map, const base::PhasePlane& plane, const std::vector<float>& lean,
+                  const std::vector<char>& one_surface, int first, int last) {
   Sums sums;
   const int full = (2 * kRadius + 1) * (2 * kRadius + 1);
-  for (int y = kRadius; y < map.height - kRadius; ++y) {
+  for (int y = std::max(kRadius, first); y < std::min(map.height - kRadius, last); ++y) {
     for (int x = kRadius; x < map.width - kRadius; ++x) {
       const std::size_t at = map.at(x, y);
       const double sigma = plane.sigma_turns[at];
@@ -107,7 +114,6 @@ Sums regress(const base::PhaseMap& map, const base::PhasePlane& plane, const std
       if (std::abs(b) > kOutlier * sigma + std::abs(a)) continue;
       sums.xx += a * a / (sigma * sigma);
       sums.xy += a * b / (sigma * sigma);
-      sums.count += 1.0;
     }
   }
   return sums;
@@ -123,14 +129,16 @@ std::vector<float> bendings(const base::PhasePlane& plane, const std::vector<cha
   const std::vector<float> mean = box_mean(plane.turns, one_surface, width, height, kMeanRadius, threads, &averaged);
   std::vector<float> result(plane.turns.size(), 0.0F);
   const auto w = static_cast<std::size_t>(width);
-  for (int y = kArm; y < height - kArm; ++y) {
-    for (int x = kArm; x < width - kArm; ++x) {
-      const std::size_t at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
-      const std::size_t left = at - kArm, right = at + kArm, above = at - kArm * w, below = at + kArm * w;
-      if (!averaged[at] || !averaged[left] || !averaged[right] || !averaged[above] || !averaged[below]) continue;
-      result[at] = (mean[left] + mean[right] + mean[above] + mean[below] - 4.0F * mean[at]) / (kArm * kArm);
+  over_rows(height, threads, [&](int first, int last) {
+    for (int y = std::max(kArm, first); y < std::min(height - kArm, last); ++y) {
+      for (int x = kArm; x < width - kArm; ++x) {
+        const std::size_t at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
+        const std::size_t left = at - kArm, right = at + kArm, above = at - kArm * w, below = at + kArm * w;
+        if (!averaged[at] || !averaged[left] || !averaged[right] || !averaged[above] || !averaged[below]) continue;
+        result[at] = (mean[left] + mean[right] + mean[above] + mean[below] - 4.0F * mean[at]) / (kArm * kArm);
+      }
     }
-  }
+  });
   return result;
 }
 
@@ -141,15 +149,16 @@ BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
   if (map.width <= 2 * kRadius || map.height <= 2 * kRadius) return shift;
   std::array<std::vector<float>, 2> lean;
   Sums sums;
-  const std::vector<char> one_surface = guarded_pixels(map, kGuard_px, true);
+  const std::vector<char> one_surface = guarded_pixels(map, kGuard_px, true, threads);
   for (std::size_t i = 0; i < 2; ++i) {
     const auto& plane = i == 0 ? map.x : map.y;
     if (!plane) continue;
     lean[i] = leanings(map, *plane, threads);
-    const Sums part = regress(map, *plane, lean[i], one_surface);
-    sums.xx += part.xx;
-    sums.xy += part.xy;
-    sums.count += part.count;
+    std::vector<Sums> bands(band_count(map.height));
+    over_rows(map.height, threads, [&](int first, int last) {
+      bands[band_of(first)] = regress_rows(map, *plane, lean[i], one_surface, first, last);
+    });
+    for (const Sums& band : bands) sums += band;
   }
   if (!(sums.xx > 0.0)) return shift;
   const double variance = sums.xy / sums.xx;
@@ -160,9 +169,11 @@ BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
     auto& plane = i == 0 ? map.x : map.y;
     if (!plane) continue;
     const std::vector<float> bend = bendings(*plane, one_surface, map.width, map.height, threads);
-    for (std::size_t at = 0; at < lean[i].size(); ++at) {
-      if (!std::isnan(lean[i][at])) plane->turns[at] -= static_cast<float>(variance) * (lean[i][at] + 0.5F * bend[at]);
-    }
+    over_rows(map.height, threads, [&](int first, int last) {
+      for (std::size_t at = map.at(0, first); at < map.at(0, last); ++at) {
+        if (!std::isnan(lean[i][at])) plane->turns[at] -= static_cast<float>(variance) * (lean[i][at] + 0.5F * bend[at]);
+      }
+    });
   }
   return shift;
 }

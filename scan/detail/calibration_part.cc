@@ -7,6 +7,7 @@
 
 #include "math/head_point.h"
 #include "math/median.h"
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -21,7 +22,7 @@ Eigen::Matrix3d calibration_covariance(const base::Head& head, const Eigen::Vect
   return jacobian * head.cov * jacobian.transpose();
 }
 
-std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& depths) {
+std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& depths, int threads) {
   if (head.cov.size() == 0) return {};
   std::vector<float> known;
   for (std::size_t i = 0; i < depths.depth_mm.size(); i += 97) {
@@ -45,7 +46,7 @@ std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& de
     }
   }
   std::vector<float> sigmas(depths.depth_mm.size(), 0.0F);
-  for (int y = 0; y < depths.height; ++y) {
+  const auto fill_row = [&](int y) {
     const int row = y / kSpacing;
     const double v = static_cast<double>(y % kSpacing) / kSpacing;
     for (int x = 0; x < depths.width; ++x) {
@@ -58,7 +59,10 @@ std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& de
                            v * ((1.0 - u) * nodes(row + 1, column) + u * nodes(row + 1, column + 1));
       sigmas[at] = static_cast<float>(value * z * z);
     }
-  }
+  };
+  over_rows(depths.height, threads, [&](int first, int last) {
+    for (int y = first; y < last; ++y) fill_row(y);
+  });
   return sigmas;
 }
 

@@ -15,6 +15,6 @@ Eigen::Matrix3d calibration_covariance(const base::Head& head, const Eigen::Vect
 
 /// The largest axis (1 sigma) of that covariance for every pixel with a depth: at places kSpacing px apart, between them in proportion to
 /// the square of the depth. Empty where the head has no covariance.
-std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& depths);
+std::vector<float> calibration_sigmas(const base::Head& head, const DepthMap& depths, int threads);
 
 }  // namespace crosstie::scan::detail

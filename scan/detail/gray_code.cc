@@ -7,12 +7,11 @@
 #include <complex>
 #include <numbers>
 
-#include "base/parallel.h"
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
 
-constexpr int kRowsPerTask = 32;
 constexpr float kDoubtful = 0.3F;
 constexpr double kSmooth = 0.15;  // turns between neighbouring pixels of a surface
 
@@ -56,41 +55,17 @@ void read_rows(const std::vector<GrayImages>& images, const FringeSet& fringes, 
 
 unsigned gray_of(std::uint16_t word) { return static_cast<unsigned>(word) ^ (static_cast<unsigned>(word) >> 1U); }
 
-}  // namespace
-
-base::Result<GrayWords> read_gray_code(const std::vector<GrayImages>& images, const FringeSet& fringes, int threads,
-                                       const base::Progress& progress) {
-  const int height = images.front().bright_where_set.height();
-  GrayWords result;
-  result.words.assign(fringes.mean.size(), 0);
-  result.doubtful.assign(fringes.mean.size(), 0);
-  const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
-  auto done = base::parallel_for(tasks, threads, "Gray code", progress, [&](std::size_t task) -> base::Result<> {
-    const int first = static_cast<int>(task) * kRowsPerTask;
-    const int last = std::min(height, first + kRowsPerTask);
-    if (images.front().bright_where_set.bits() == 8) {
-      read_rows<std::uint8_t>(images, fringes, first, last, result);
-    } else {
-      read_rows<std::uint16_t>(images, fringes, first, last, result);
-    }
-    return {};
-  });
-  if (!done) return base::fail(std::move(done));
-  return result;
-}
-
-WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<char>& good, int width,
-                            int height, double word_periods) {
-  // At a change from word w to w + 1 the coordinate is word_periods (w + 1 + offset), of which the phase is the fraction.
+/// Words that differ from their neighbour's on the same surface.
+struct WordChanges {
+  /// At a change from word w to w + 1 the coordinate is word_periods (w + 1 + offset), of which the phase is the fraction.
   std::complex<double> sum = 0.0;
-  WordOffset result;
+  std::int64_t count = 0;
   std::int64_t falling = 0;
   std::array<std::int64_t, 16> flips = {};  // by bit, and those of them that lead to another word than the next
   std::array<std::int64_t, 16> jumps = {};
-  const auto look = [&](std::size_t a, std::size_t b) {
-    if (!good[a] || !good[b]) return;
+
+  void add(const GrayWords& words, const FringeSet& fringes, std::size_t a, std::size_t b, double word_periods) {
     const int step = static_cast<int>(words.words[b]) - static_cast<int>(words.words[a]);
-    if (step == 0) return;
     double change = static_cast<double>(fringes.turns[b]) - static_cast<double>(fringes.turns[a]);
     change -= std::round(change);
     if (std::abs(change) > kSmooth) return;  // no neighbours on one surface
@@ -105,23 +80,68 @@ WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, co
     const double middle = static_cast<double>(fringes.turns[a]) + 0.5 * change;
     const int upper = std::max(words.words[a], words.words[b]);
     sum += std::polar(1.0, 2.0 * std::numbers::pi * (middle - word_periods * upper));
-    ++result.changes;
-  };
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-      if (x + 1 < width) look(at, at + 1);
-      if (y + 1 < height) look(at, at + static_cast<std::size_t>(width));
+    ++count;
+  }
+
+  void operator+=(const WordChanges& other) {
+    sum += other.sum;
+    count += other.count;
+    falling += other.falling;
+    for (std::size_t bit = 0; bit < flips.size(); ++bit) {
+      flips[bit] += other.flips[bit];
+      jumps[bit] += other.jumps[bit];
     }
   }
+};
+
+}  // namespace
+
+base::Result<GrayWords> read_gray_code(const std::vector<GrayImages>& images, const FringeSet& fringes, int threads,
+                                       const base::Progress& progress) {
+  const int height = images.front().bright_where_set.height();
+  GrayWords result;
+  result.words.assign(fringes.mean.size(), 0);
+  result.doubtful.assign(fringes.mean.size(), 0);
+  auto done = over_rows(height, threads, "Gray code", progress, [&](int first, int last) {
+    if (images.front().bright_where_set.bits() == 8) {
+      read_rows<std::uint8_t>(images, fringes, first, last, result);
+    } else {
+      read_rows<std::uint16_t>(images, fringes, first, last, result);
+    }
+  });
+  if (!done) return base::fail(std::move(done));
+  return result;
+}
+
+WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<char>& good, int width,
+                            int height, double word_periods, int threads) {
+  const auto w = static_cast<std::size_t>(width);
+  std::vector<WordChanges> bands(band_count(height));
+  over_rows(height, threads, [&](int first, int last) {
+    WordChanges& changes = bands[band_of(first)];
+    for (int y = first; y < last; ++y) {
+      const std::size_t at = static_cast<std::size_t>(y) * w;
+      const auto look = [&](std::size_t a, std::size_t b) {
+        if (words.words[a] != words.words[b] && good[a] && good[b]) changes.add(words, fringes, a, b, word_periods);
+      };
+      for (std::size_t x = 0; x < w; ++x) {
+        if (x + 1 < w) look(at + x, at + x + 1);
+        if (y + 1 < height) look(at + x, at + x + w);
+      }
+    }
+  });
+  WordChanges all;
+  for (const WordChanges& band : bands) all += band;
   constexpr std::int64_t kLeastFlips = 30;
-  for (std::size_t bit = 0; bit < flips.size(); ++bit) {
-    if (flips[bit] >= kLeastFlips && 2 * jumps[bit] > flips[bit]) result.misplaced_bit = static_cast<int>(bit);
+  WordOffset result;
+  for (std::size_t bit = 0; bit < all.flips.size(); ++bit) {
+    if (all.flips[bit] >= kLeastFlips && 2 * all.jumps[bit] > all.flips[bit]) result.misplaced_bit = static_cast<int>(bit);
   }
+  result.changes = all.count;
   if (result.changes == 0) return result;
-  result.backwards = 2 * falling > result.changes;
-  result.agreement = std::abs(sum) / static_cast<double>(result.changes);
-  result.offset = std::arg(sum) / (2.0 * std::numbers::pi) / word_periods;
+  result.backwards = 2 * all.falling > result.changes;
+  result.agreement = std::abs(all.sum) / static_cast<double>(result.changes);
+  result.offset = std::arg(all.sum) / (2.0 * std::numbers::pi) / word_periods;
   return result;
 }
 

@@ -43,6 +43,6 @@ struct WordOffset {
 
 /// From the pixels between which the word grows or falls by one along the rows and columns of the image.
 WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<char>& good, int width,
-                            int height, double word_periods);
+                            int height, double word_periods, int threads);
 
 }  // namespace crosstie::scan::detail

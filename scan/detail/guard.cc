@@ -1,9 +1,12 @@
 #include "scan/detail/guard.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 
 #include "math/median.h"
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -15,17 +18,12 @@ constexpr float kCreaseSlopes = 0.1F;
 constexpr float kCreaseSigmas = 5.0F;
 constexpr float kFading = 2.0F;  // times the largest sigma that is taken: light that fades, no end of a surface
 
-/// Marks what lies within `reach` of a marked entry of a line.
-void spread(const char* bad, std::size_t count, std::size_t stride, int reach, char* out) {
-  int left = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    left = bad[i * stride] ? reach + 1 : std::max(0, left - 1);
-    if (left > 0) out[i * stride] = 1;
-  }
-  left = 0;
-  for (std::size_t i = count; i-- > 0;) {
-    left = bad[i * stride] ? reach + 1 : std::max(0, left - 1);
-    if (left > 0) out[i * stride] = 1;
+/// Marks what lies within `reach` of a marked pixel of the row.
+void spread_along(const char* bad, std::size_t count, int reach, char* out) {
+  std::copy_n(bad, count, out);
+  for (std::size_t k = 1; k <= std::min(static_cast<std::size_t>(reach), count - 1); ++k) {
+    for (std::size_t i = 0; i + k < count; ++i) out[i] |= bad[i + k];
+    for (std::size_t i = k; i < count; ++i) out[i] |= bad[i - k];
   }
 }
 
@@ -33,42 +31,48 @@ float largest_sigma(const base::PhaseMap& map, std::size_t pixel) {
   return std::max(map.x ? map.x->sigma_turns[pixel] : 0.0F, map.y ? map.y->sigma_turns[pixel] : 0.0F);
 }
 
-void mark_jumps(const base::PhasePlane& plane, int width, int height, std::vector<char>& bad) {
-  const auto limit = kJumpSlopes * static_cast<float>(median_slope(plane, width, height));
-  const auto mark = [&](std::size_t a, std::size_t b) {
-    const float noise = kJumpSigmas * std::max(plane.sigma_turns[a], plane.sigma_turns[b]);
-    if (std::abs(plane.turns[a] - plane.turns[b]) > limit + noise) bad[a] = bad[b] = 1;  // never true where there is none
-  };
-  const auto w = static_cast<std::size_t>(width);
-  for (std::size_t y = 0; y < static_cast<std::size_t>(height); ++y) {
-    for (std::size_t x = 0; x < w; ++x) {
-      if (x + 1 < w) mark(y * w + x, y * w + x + 1);
-      if (y + 1 < static_cast<std::size_t>(height)) mark(y * w + x, (y + 1) * w + x);
-    }
+/// Where a plane's values jump from each of a row of pixels to its neighbour `step` pixels on; never where one has none.
+void mark_jumps(const base::PhasePlane& plane, std::size_t first, std::size_t count, std::ptrdiff_t step, float limit,
+                char* bad) {
+  const float* t = &plane.turns[first];
+  const float* sigma = &plane.sigma_turns[first];
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto other = static_cast<std::ptrdiff_t>(i) + step;
+    const float noise = kJumpSigmas * std::max(sigma[i], sigma[other]);
+    bad[i] |= static_cast<char>(std::abs(t[i] - t[other]) > limit + noise);
   }
 }
 
-/// Where the slope over the three pixels before differs from that over the three after.
-void mark_creases(const base::PhasePlane& plane, int width, int height, std::vector<char>& bad) {
-  constexpr int kReach = 3;
-  const auto limit = kCreaseSlopes * static_cast<float>(median_slope(plane, width, height));
-  const auto mark = [&](std::size_t at, std::size_t stride) {
-    const float* t = &plane.turns[at];
-    const auto s = static_cast<std::ptrdiff_t>(stride);
-    const float change = 0.5F * (t[3 * s] - t[s] - t[-s] + t[-3 * s]);  // its sigma is that of a pixel
-    const float noise = std::max({plane.sigma_turns[at - stride], plane.sigma_turns[at], plane.sigma_turns[at + stride]});
-    if (std::abs(change) > limit + kCreaseSigmas * noise) bad[at] = 1;  // never true where there is none
-  };
-  const auto w = static_cast<std::size_t>(width);
-  for (int y = 0; y < height; ++y) {
-    const bool down = y >= kReach && y + kReach < height;
-    for (int x = 0; x < width; ++x) {
-      const std::size_t at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
-      if (std::isnan(plane.turns[at])) continue;
-      if (x >= kReach && x + kReach < width) mark(at, 1);
-      if (down) mark(at, w);
-    }
+/// Where the slope over the three pixels before differs from that over the three after, `step` apart; never where one has none.
+void mark_creases(const base::PhasePlane& plane, std::size_t first, std::size_t count, std::ptrdiff_t step, float limit,
+                  char* bad) {
+  const float* t = &plane.turns[first];
+  const float* sigma = &plane.sigma_turns[first];
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto i = static_cast<std::ptrdiff_t>(k);
+    const float change =
+        0.5F * (t[i + 3 * step] - t[i + step] - t[i - step] + t[i - 3 * step]);  // its sigma is that of a pixel
+    const float noise = kCreaseSigmas * std::max(std::max(sigma[i - step], sigma[i]), sigma[i + step]);
+    const int there = t[i] == t[i];  // a number
+    bad[k] |= static_cast<char>(static_cast<int>(std::abs(change) > limit + noise) & there);
   }
+}
+
+/// Both of a plane's, along rows and columns, in one row of the image.
+void mark_row(const base::PhasePlane& plane, int width, int height, int y, float slope, bool creases, char* bad) {
+  constexpr int kReach = 3;  // of a crease
+  const auto w = static_cast<std::size_t>(width);
+  const auto down = static_cast<std::ptrdiff_t>(w);
+  const std::size_t at = static_cast<std::size_t>(y) * w;
+  const float jump = kJumpSlopes * slope;
+  mark_jumps(plane, at, w - 1, 1, jump, bad);
+  mark_jumps(plane, at + 1, w - 1, -1, jump, bad + 1);
+  if (y + 1 < height) mark_jumps(plane, at, w, down, jump, bad);
+  if (y > 0) mark_jumps(plane, at, w, -down, jump, bad);
+  if (!creases) return;
+  const float bend = kCreaseSlopes * slope;
+  if (width > 2 * kReach) mark_creases(plane, at + kReach, w - 2 * kReach, 1, bend, bad + kReach);
+  if (y >= kReach && y + kReach < height) mark_creases(plane, at, w, down, bend, bad);
 }
 
 }  // namespace
@@ -87,28 +91,50 @@ double median_slope(const base::PhasePlane& plane, int width, int height) {
   return std::max(math::median(across), math::median(down));
 }
 
-std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px, bool creases) {
-  std::vector<char> bad(map.status.size());
-  float fading = 0.0F;
-  for (std::size_t i = 0; i < bad.size(); ++i) {
-    bad[i] = map.status[i] != base::PhaseStatus::kValid;
-    if (!bad[i]) fading = std::max(fading, kFading * largest_sigma(map, i));
-  }
-  for (std::size_t i = 0; i < bad.size(); ++i) {
-    if (map.status[i] == base::PhaseStatus::kDark && largest_sigma(map, i) < fading) bad[i] = 0;
-  }
-  for (const auto* plane : {&map.x, &map.y}) {
-    if (!*plane) continue;
-    mark_jumps(**plane, map.width, map.height, bad);
-    if (creases) mark_creases(**plane, map.width, map.height, bad);
-  }
-  std::vector<char> along = bad;
+std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px, bool creases, int threads) {
   const auto w = static_cast<std::size_t>(map.width);
-  const auto h = static_cast<std::size_t>(map.height);
-  for (std::size_t y = 0; y < h; ++y) spread(&bad[y * w], w, 1, guard_px, &along[y * w]);
-  std::vector<char> all = along;
-  for (std::size_t x = 0; x < w; ++x) spread(&along[x], h, w, guard_px, &all[x]);
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = !all[i] && map.status[i] == base::PhaseStatus::kValid;
+  std::vector<float> of_bands(band_count(map.height), 0.0F);
+  over_rows(map.height, threads, [&](int first, int last) {
+    float largest = 0.0F;
+    for (std::size_t i = static_cast<std::size_t>(first) * w; i < static_cast<std::size_t>(last) * w; ++i) {
+      if (map.status[i] == base::PhaseStatus::kValid) largest = std::max(largest, largest_sigma(map, i));
+    }
+    of_bands[band_of(first)] = largest;
+  });
+  const float fading = kFading * *std::max_element(of_bands.begin(), of_bands.end());
+  std::array<float, 2> slopes = {};
+  const std::array<const base::PhasePlane*, 2> planes = {map.x ? &*map.x : nullptr, map.y ? &*map.y : nullptr};
+  for (std::size_t p = 0; p < 2; ++p) {
+    if (planes[p] != nullptr) slopes[p] = static_cast<float>(median_slope(*planes[p], map.width, map.height));
+  }
+  std::vector<char> along(map.status.size());
+  over_rows(map.height, threads, [&](int first, int last) {
+    std::vector<char> bad(w);
+    for (int y = first; y < last; ++y) {
+      const std::size_t at = static_cast<std::size_t>(y) * w;
+      for (std::size_t x = 0; x < w; ++x) {
+        const base::PhaseStatus status = map.status[at + x];
+        bad[x] =
+            status != base::PhaseStatus::kValid && !(status == base::PhaseStatus::kDark && largest_sigma(map, at + x) < fading);
+      }
+      for (std::size_t p = 0; p < 2; ++p) {
+        if (planes[p] != nullptr) mark_row(*planes[p], map.width, map.height, y, slopes[p], creases, bad.data());
+      }
+      spread_along(bad.data(), w, guard_px, &along[at]);
+    }
+  });
+  std::vector<char> all(map.status.size());
+  over_rows(map.height, threads, [&](int first, int last) {
+    for (int y = first; y < last; ++y) {
+      char* row = &all[static_cast<std::size_t>(y) * w];
+      for (int other = std::max(0, y - guard_px); other <= std::min(map.height - 1, y + guard_px); ++other) {
+        const char* bad = &along[static_cast<std::size_t>(other) * w];
+        for (std::size_t x = 0; x < w; ++x) row[x] |= bad[x];
+      }
+      const base::PhaseStatus* status = &map.status[static_cast<std::size_t>(y) * w];
+      for (std::size_t x = 0; x < w; ++x) row[x] = !row[x] && status[x] == base::PhaseStatus::kValid;
+    }
+  });
   return all;
 }
 

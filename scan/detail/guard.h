@@ -13,6 +13,6 @@ double median_slope(const base::PhasePlane& plane, int width, int height);
 /// coordinates, those aside whose phases are hardly worse than what is taken (light that fades is no end), and from jumps, where
 /// neighbours differ by more than surfaces that a camera sees do (4 median slopes and 6 sigmas), and with `creases` from those, where the slope changes
 /// within a few pixels (by 0.1 median slopes and 5 sigmas): a pixel there sees both sides, such as the face and the cut of a hole.
-std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px, bool creases);
+std::vector<char> guarded_pixels(const base::PhaseMap& map, int guard_px, bool creases, int threads);
 
 }  // namespace crosstie::scan::detail

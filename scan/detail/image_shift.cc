@@ -6,6 +6,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "base/parallel.h"
+
 namespace crosstie::scan::detail {
 namespace {
 
@@ -32,7 +34,7 @@ void ImageShift::add_part(const base::ImageView& earlier, const base::ImageView&
   const int bottom = std::min(height_ - 1, (row + 1) * height_ / rows_);
   const double limit = kSaturated * earlier.white_level;
   // Large images: every other row and more, since parts hold more pixels than are needed.
-  constexpr int kEnough = 40000;
+  constexpr int kEnough = 10000;
   const int every = std::max(1, (right - left) * (bottom - top) / kEnough);
   Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
   Eigen::Vector4d pull = Eigen::Vector4d::Zero();
@@ -79,16 +81,18 @@ void ImageShift::add_part(const base::ImageView& earlier, const base::ImageView&
   sums.pull += reduced / variance;
 }
 
-void ImageShift::add(const base::ImageView& earlier, const base::ImageView& later, double read_variance, double shot_variance) {
-  for (int row = 0; row < rows_; ++row) {
-    for (int column = 0; column < kColumns; ++column) {
-      if (earlier.bits == 8) {
-        add_part<std::uint8_t>(earlier, later, column, row, read_variance, shot_variance);
-      } else {
-        add_part<std::uint16_t>(earlier, later, column, row, read_variance, shot_variance);
-      }
+base::Result<> ImageShift::add(const base::ImageView& earlier, const base::ImageView& later, double read_variance,
+                               double shot_variance, int threads) {
+  return base::parallel_for(sums_.size(), threads, "stillness", {}, [&](std::size_t part) -> base::Result<> {
+    const auto column = static_cast<int>(part % kColumns);
+    const auto row = static_cast<int>(part / kColumns);
+    if (earlier.bits == 8) {
+      add_part<std::uint8_t>(earlier, later, column, row, read_variance, shot_variance);
+    } else {
+      add_part<std::uint16_t>(earlier, later, column, row, read_variance, shot_variance);
     }
-  }
+    return {};
+  });
 }
 
 ImageShift::Part ImageShift::solve(const Sums& sums) {

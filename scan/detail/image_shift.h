@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "base/image.h"
+#include "base/result.h"
 
 namespace crosstie::scan::detail {
 
@@ -22,7 +23,8 @@ class ImageShift {
   ImageShift(int width, int height);
 
   /// Both of the same size and depth. `variance(level)` is that of a grey level.
-  void add(const base::ImageView& earlier, const base::ImageView& later, double read_variance, double shot_variance);
+  base::Result<> add(const base::ImageView& earlier, const base::ImageView& later, double read_variance, double shot_variance,
+                     int threads);
 
   /// A part of the image, or all of it.
   struct Part {

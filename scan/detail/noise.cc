@@ -100,20 +100,25 @@ ResidualStatistics::Level ResidualStatistics::level_of(std::span<const Pixel> pi
 base::GreyNoise ResidualStatistics::noise() const {
   if (pixels_.empty()) return {};
   const double waveform = waveform_square();
-  std::vector<Pixel> sorted = pixels_;
-  std::stable_sort(sorted.begin(), sorted.end(), [](const Pixel& a, const Pixel& b) { return a.mean < b.mean; });
-  const double lowest = sorted.front().mean;
-  const double width = std::max(kLeastWidth, (static_cast<double>(sorted.back().mean) - lowest) / kLevels);
-  std::vector<Level> levels;
-  std::size_t from = 0;
-  while (from < sorted.size()) {
-    const double end = lowest + width * (std::floor((static_cast<double>(sorted[from].mean) - lowest) / width) + 1.0);
-    std::size_t to = from;
-    while (to < sorted.size() && (sorted[to].mean < end || to - from < kLeastInLevel)) ++to;
-    if (sorted.size() - to < kLeastInLevel) to = sorted.size();
-    levels.push_back(level_of({sorted.data() + from, to - from}, waveform));
-    from = to;
+  const auto [darkest, brightest] =
+      std::minmax_element(pixels_.begin(), pixels_.end(), [](const Pixel& a, const Pixel& b) { return a.mean < b.mean; });
+  const double lowest = darkest->mean;
+  const double width = std::max(kLeastWidth, (static_cast<double>(brightest->mean) - lowest) / kLevels);
+  std::vector<std::vector<Pixel>> groups(static_cast<std::size_t>(kLevels) + 1);
+  for (const Pixel& pixel : pixels_) {
+    groups[static_cast<std::size_t>((static_cast<double>(pixel.mean) - lowest) / width)].push_back(pixel);
   }
+  std::vector<Level> levels;
+  std::vector<Pixel> joined;
+  std::size_t left = pixels_.size();
+  for (const std::vector<Pixel>& group : groups) {
+    joined.insert(joined.end(), group.begin(), group.end());
+    left -= group.size();
+    if (joined.size() < kLeastInLevel || (left > 0 && left < kLeastInLevel)) continue;
+    levels.push_back(level_of(joined, waveform));
+    joined.clear();
+  }
+  if (!joined.empty()) levels.push_back(level_of(joined, waveform));
   return line_through(levels);
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "scan/detail/rows.h"
+
 namespace crosstie::scan::detail {
 namespace {
 
@@ -17,7 +19,8 @@ std::array<double, 4> cubic(double s) {
 
 }  // namespace
 
-base::Result<RectifiedMap> RectifiedMap::make(const base::Camera& camera, const Eigen::Matrix3d& rectified_from_camera) {
+base::Result<RectifiedMap> RectifiedMap::make(const base::Camera& camera, const Eigen::Matrix3d& rectified_from_camera,
+                                              int threads) {
   RectifiedMap map;
   map.width_ = camera.width_px();
   map.height_ = camera.height_px();
@@ -28,14 +31,16 @@ base::Result<RectifiedMap> RectifiedMap::make(const base::Camera& camera, const 
     return map
         .nodes_[static_cast<std::size_t>(row) * static_cast<std::size_t>(map.columns_) + static_cast<std::size_t>(column)];
   };
-  for (int row = 0; row < rows; ++row) {
-    for (int column = 0; column < map.columns_; ++column) {
-      const auto ray = camera.unproject(Eigen::Vector2d((column - 1) * kSpacing, (row - 1) * kSpacing));
-      if (!ray) continue;
-      const Eigen::Vector3d turned = rectified_from_camera * *ray;
-      if (turned.z() > 1e-3) node(column, row) = turned.head<2>() / turned.z();
+  over_rows(rows, threads, [&](int first, int last) {
+    for (int row = first; row < last; ++row) {
+      for (int column = 0; column < map.columns_; ++column) {
+        const auto ray = camera.unproject(Eigen::Vector2d((column - 1) * kSpacing, (row - 1) * kSpacing));
+        if (!ray) continue;
+        const Eigen::Vector3d turned = rectified_from_camera * *ray;
+        if (turned.z() > 1e-3) node(column, row) = turned.head<2>() / turned.z();
+      }
     }
-  }
+  });
   if (node(map.columns_ / 2, rows / 2).hasNaN()) {
     return base::fail(base::ErrorCode::kBadInput, "the lens model has no rays in the middle of its image");
   }

@@ -1,9 +1,14 @@
 #include "scan/detail/ripple.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <complex>
+#include <cstddef>
 #include <numbers>
+#include <numeric>
+
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -21,76 +26,84 @@ struct Coefficient {
   double sigma = 0.0;
 };
 
-/// How often each phase occurs in whole fringes of lines of pixels.
-class Density {
- public:
-  explicit Density(int harmonic) : harmonic_(harmonic) {}
+/// Whole fringes of a line of pixels: exp(-2 pi i k phase) summed over them, k the number of steps and its double.
+struct Line {
+  std::array<std::complex<double>, 2> sums = {};
+  double pixels = 0.0;
 
-  void add_line(const FringeSet& set, const std::vector<char>& good, std::size_t first, std::size_t stride, std::size_t count) {
-    constexpr float kAnew = 0.5F;   // a step back by more: the phase begins anew
-    constexpr float kJump = 0.25F;  // a step by more: another surface
-    std::complex<double> sum = 0.0, pending = 0.0;
-    double pixels = 0.0, waiting = 0.0;
-    bool inside = false;  // of a whole fringe, as far as is known
-    for (std::size_t i = 0; i < count; ++i) {
-      const std::size_t at = first + i * stride;
-      const bool continued = good[at] && i > 0 && good[at - stride];
-      const float step = continued ? std::abs(set.turns[at] - set.turns[at - stride]) : 0.0F;
-      if (!continued || (step > kJump && step <= kAnew)) {
-        inside = false;
-      } else if (step > kAnew) {
-        if (inside) {
-          sum += pending;
-          pixels += waiting;
-        }
-        inside = true;
-        pending = 0.0;
-        waiting = 0.0;
-      }
-      if (!inside) continue;
-      pending += std::polar(1.0, -2.0 * std::numbers::pi * harmonic_ * static_cast<double>(set.turns[at]));
-      waiting += 1.0;
-    }
-    if (pixels == 0.0) return;
-    sum_ += sum;
-    pixels_ += pixels;
-    lines_.emplace_back(sum, pixels);
+  void operator+=(const Line& other) {
+    for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += other.sums[k];
+    pixels += other.pixels;
   }
-
-  [[nodiscard]] double pixels() const { return pixels_; }
-  [[nodiscard]] Coefficient coefficient() const {
-    if (pixels_ == 0.0) return {};
-    Coefficient result{sum_ / pixels_, 0.0};
-    for (const auto& [sum, pixels] : lines_) result.sigma += std::norm(sum - pixels * result.value);
-    result.sigma = std::sqrt(result.sigma) / pixels_;
-    return result;
-  }
-
- private:
-  int harmonic_;
-  std::complex<double> sum_ = 0.0;
-  double pixels_ = 0.0;
-  std::vector<std::pair<std::complex<double>, double>> lines_;
 };
 
+Line line_of(const FringeSet& set, const std::vector<char>& good, std::size_t first, std::size_t stride, std::size_t count) {
+  constexpr float kAnew = 0.5F;   // a step back by more: the phase begins anew
+  constexpr float kJump = 0.25F;  // a step by more: another surface
+  Line line, pending;
+  bool inside = false;  // of a whole fringe, as far as is known
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t at = first + i * stride;
+    const bool continued = good[at] && i > 0 && good[at - stride];
+    const float step = continued ? std::abs(set.turns[at] - set.turns[at - stride]) : 0.0F;
+    if (!continued || (step > kJump && step <= kAnew)) {
+      inside = false;
+    } else if (step > kAnew) {
+      if (inside) line += pending;
+      inside = true;
+      pending = {};
+    }
+    if (!inside) continue;
+    const auto once = std::polar(1.0, -2.0 * std::numbers::pi * set.steps * static_cast<double>(set.turns[at]));
+    pending += Line{{once, once * once}, 1.0};
+  }
+  return line;
+}
+
+/// Coefficients of the density at both harmonics.
+std::array<Coefficient, 2> coefficients_of(const std::vector<Line>& lines) {
+  Line all;
+  for (const Line& line : lines) all += line;
+  std::array<Coefficient, 2> result;
+  if (all.pixels == 0.0) return result;
+  for (std::size_t k = 0; k < result.size(); ++k) {
+    result[k].value = all.sums[k] / all.pixels;
+    for (const Line& line : lines) result[k].sigma += std::norm(line.sums[k] - line.pixels * result[k].value);
+    result[k].sigma = std::sqrt(result[k].sigma) / all.pixels;
+  }
+  return result;
+}
+
 /// Of the direction in which more whole fringes are seen.
-Coefficient coefficient_of(int harmonic, const std::vector<char>& good, int width, int height, const FringeSet& set) {
+std::array<Coefficient, 2> coefficients_of(const std::vector<char>& good, int width, int height, const FringeSet& set,
+                                           int threads) {
   const auto w = static_cast<std::size_t>(width);
   const auto h = static_cast<std::size_t>(height);
-  Density across(harmonic), down(harmonic);
   const std::size_t every = std::max<std::size_t>(1, std::min(w, h) / kLines);
-  for (std::size_t y = 0; y < h; y += every) across.add_line(set, good, y * w, 1, w);
-  for (std::size_t x = 0; x < w; x += every) down.add_line(set, good, x, w, h);
-  return across.pixels() > down.pixels() ? across.coefficient() : down.coefficient();
+  std::vector<Line> across((h + every - 1) / every), down((w + every - 1) / every);
+  over_rows(static_cast<int>(across.size()), threads, [&](int first, int last) {
+    for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(last); ++i)
+      across[i] = line_of(set, good, i * every * w, 1, w);
+  });
+  over_rows(static_cast<int>(down.size()), threads, [&](int first, int last) {
+    for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(last); ++i)
+      down[i] = line_of(set, good, i * every, w, h);
+  });
+  const auto pixels = [](const std::vector<Line>& lines) {
+    return std::accumulate(lines.begin(), lines.end(), 0.0, [](double sum, const Line& line) { return sum + line.pixels; });
+  };
+  return coefficients_of(pixels(across) > pixels(down) ? across : down);
 }
 
 }  // namespace
 
-double correct_ripple(const std::vector<char>& good, int width, int height, FringeSet& set) {
+double correct_ripple(const std::vector<char>& good, int width, int height, FringeSet& set, int threads) {
   std::array<double, kBins + 1> error = {};
   double amplitude2 = 0.0;
-  for (const int harmonic : {set.steps, 2 * set.steps}) {
-    const auto [coefficient, sigma] = coefficient_of(harmonic, good, width, height, set);
+  const auto coefficients = coefficients_of(good, width, height, set, threads);
+  for (std::size_t k = 0; k < coefficients.size(); ++k) {
+    const auto& [coefficient, sigma] = coefficients[k];
+    const int harmonic = (static_cast<int>(k) + 1) * set.steps;
     if (!(std::abs(coefficient) > std::max(kLeastCoefficient, kLeastSigmas * sigma))) continue;
     if (std::abs(coefficient) > kMostCoefficient) continue;
     const double scale = 1.0 / (std::numbers::pi * harmonic);
@@ -101,14 +114,18 @@ double correct_ripple(const std::vector<char>& good, int width, int height, Frin
     }
   }
   if (amplitude2 == 0.0) return 0.0;
-  for (float& turns : set.turns) {
+  const auto correct = [&](float& turns) {
     const double at = static_cast<double>(turns) * kBins;
     const auto b = std::min(static_cast<std::size_t>(at), kBins - 1);
     const double rest = at - static_cast<double>(b);
     double corrected = static_cast<double>(turns) + (1.0 - rest) * error[b] + rest * error[b + 1];
     corrected -= std::floor(corrected);
     turns = std::min(static_cast<float>(corrected), 0.99999994F);
-  }
+  };
+  over_rows(height, threads, [&](int first, int last) {
+    const auto row = [&](int y) { return set.turns.begin() + static_cast<std::ptrdiff_t>(y) * width; };
+    std::for_each(row(first), row(last), correct);
+  });
   return std::sqrt(amplitude2);
 }
 

@@ -10,6 +10,6 @@ namespace crosstie::scan::detail {
 /// equally likely, so that the error e shows as the density p of the measured phases: de/dx = p - 1, at the harmonics N and 2 N. Lines
 /// of the image between two places where the phase begins anew are whole fringes. Takes e out of `set.turns` where its amplitude is told
 /// apart from chance, and returns that amplitude [turns].
-double correct_ripple(const std::vector<char>& good, int width, int height, FringeSet& set);
+double correct_ripple(const std::vector<char>& good, int width, int height, FringeSet& set, int threads);
 
 }  // namespace crosstie::scan::detail

@@ -1,13 +1,11 @@
 #include "scan/detail/smooth.h"
 
-#include <algorithm>
+#include <cstddef>
 
-#include "base/parallel.h"
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
-
-constexpr int kRowsPerTask = 64;
 
 /// Sums over a window of rows for all columns, and how many of the summed pixels are good.
 struct ColumnSums {
@@ -24,10 +22,7 @@ std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<c
   if (radius < 1) return result;
   const auto w = static_cast<std::size_t>(width);
   const int full = (2 * radius + 1) * (2 * radius + 1);
-  const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
-  // Sums are carried on within a task only, so that their rounding does not depend on the number of threads.
-  (void)base::parallel_for(tasks, threads, "smoothing", {}, [&](std::size_t task) -> base::Result<> {
-    const int first = static_cast<int>(task) * kRowsPerTask;
+  over_rows(height, threads, [&](int first, int last) {
     ColumnSums columns{std::vector<double>(w, 0.0), std::vector<int>(w, 0)};
     const auto add = [&](int y, int sign) {
       if (y < 0 || y >= height) return;
@@ -39,7 +34,7 @@ std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<c
       }
     };
     for (int y = first - radius; y < first + radius; ++y) add(y, 1);
-    for (int y = first; y < std::min(height, first + kRowsPerTask); ++y) {
+    for (int y = first; y < last; ++y) {
       add(y + radius, 1);
       double sum = 0.0;
       int count = 0;
@@ -60,7 +55,6 @@ std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<c
       }
       add(y - radius, -1);
     }
-    return {};
   });
   return result;
 }

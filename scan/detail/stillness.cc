@@ -44,8 +44,8 @@ const Repeated* of_kind(const std::vector<Repeated>& repeated, PatternKind kind)
 
 }  // namespace
 
-void compare_repeated(const std::vector<Repeated>& repeated, const base::GreyNoise& noise, double limit_px,
-                      base::Stillness& stillness) {
+base::Result<> compare_repeated(const std::vector<Repeated>& repeated, const base::GreyNoise& noise, double limit_px,
+                                int threads, base::Stillness& stillness) {
   const Repeated* white = of_kind(repeated, PatternKind::kWhite);
   const Repeated* black = of_kind(repeated, PatternKind::kBlack);
   if (white != nullptr && black != nullptr) {
@@ -60,9 +60,9 @@ void compare_repeated(const std::vector<Repeated>& repeated, const base::GreyNoi
   for (const Repeated& one : repeated) {
     if (one.pattern.kind == PatternKind::kBlack) continue;
     if (!shift) shift.emplace(one.first.width(), one.first.height());
-    shift->add(one.first.view(), one.last.view(), noise.read, noise.shot);
+    if (auto added = shift->add(one.first.view(), one.last.view(), noise.read, noise.shot, threads); !added) return added;
   }
-  if (!shift) return;
+  if (!shift) return {};
   stillness.compared = true;
   const ImageShift::Part whole = shift->whole();
   stillness.shift_told = whole.told;
@@ -82,6 +82,7 @@ void compare_repeated(const std::vector<Repeated>& repeated, const base::GreyNoi
   }
   stillness.moved_share = told > 0.0 ? moved / told : 0.0;
   stillness.changed_share = shift->changed();
+  return {};
 }
 
 base::Result<> judge_stillness(const base::Stillness& stillness, double max_movement_px, double max_light_change) {

@@ -17,8 +17,8 @@ struct Repeated {
 };
 
 /// Fills the parts of `stillness` that these tell; `limit_px` is what `moved_share` is counted by.
-void compare_repeated(const std::vector<Repeated>& repeated, const base::GreyNoise& noise, double limit_px,
-                      base::Stillness& stillness);
+base::Result<> compare_repeated(const std::vector<Repeated>& repeated, const base::GreyNoise& noise, double limit_px,
+                                int threads, base::Stillness& stillness);
 
 /// kBadInput that says what moved or changed, by how much and what the limit is; a limit of 0 is none.
 base::Result<> judge_stillness(const base::Stillness& stillness, double max_movement_px, double max_light_change);

@@ -89,7 +89,7 @@ std::vector<SurfaceEnd> surface_ends(const base::PhaseMap& map, int threads) {
   const int width = map.width;
   const int height = map.height;
   const auto w = static_cast<std::size_t>(width);
-  std::vector<char> mask = guarded_pixels(map, 0, false);
+  std::vector<char> mask = guarded_pixels(map, 0, false, threads);
   const std::vector<float> near = density_of(mask, width, height, 1);
   for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = near[i] > 0.5F;
   const std::vector<float> density = density_of(mask, width, height, kDensityRadius_px);

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "base/parallel.h"
 #include "math/distributions.h"
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -13,20 +13,10 @@ namespace {
 using base::PhaseStatus;
 using base::Result;
 
-constexpr int kRowsPerTask = 32;
 constexpr double kRange = 1e-5;  // of chance
 constexpr double kMargin = 9.0;  // of the second best fringe, in squared sigmas
 constexpr int kReach = 8;        // pixels over which neighbours tell a fringe
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-
-Result<> over_rows(int height, int threads, const base::Progress& progress, const std::function<void(int, int)>& work) {
-  const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
-  return base::parallel_for(tasks, threads, "fringes", progress, [&](std::size_t task) -> Result<> {
-    const int first = static_cast<int>(task) * kRowsPerTask;
-    work(first, std::min(height, first + kRowsPerTask));
-    return {};
-  });
-}
 
 /// The fringe of a pixel as its neighbours in four directions tell it: their coordinates, carried on by their own slope. Two must
 /// agree, or one with the code's own nearest coordinate, where that is a number.
@@ -67,7 +57,7 @@ Result<> unwrap_by_gray_code(const GrayWords& words, const FringeSet& fringes, d
   const auto scale = static_cast<float>(word_periods);
   const auto shift = static_cast<float>(word_periods * (0.5 + word_offset));
   std::vector<float> sure(fringes.turns.size(), kUnknown);
-  auto done = over_rows(height, threads, progress, [&](int first, int last) {
+  auto done = over_rows(height, threads, "fringes", progress, [&](int first, int last) {
     for (std::size_t i = static_cast<std::size_t>(first) * static_cast<std::size_t>(width);
          i < static_cast<std::size_t>(last) * static_cast<std::size_t>(width); ++i) {
       if (status[i] != PhaseStatus::kValid || words.doubtful[i] > 1) continue;
@@ -80,7 +70,7 @@ Result<> unwrap_by_gray_code(const GrayWords& words, const FringeSet& fringes, d
   // One fringe off its neighbours on all sides is a misread word.
   plane.turns = sure;
   std::vector<std::int64_t> repaired(static_cast<std::size_t>(height), 0);
-  done = over_rows(height, threads, progress, [&](int first, int last) {
+  done = over_rows(height, threads, "fringes", progress, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
       for (int x = 0; x < width; ++x) {
         const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
@@ -110,7 +100,7 @@ Result<> unwrap_by_sets(const std::vector<const FringeSet*>& sets, const std::ve
   const int candidates = static_cast<int>(std::ceil(count)) + 1;
   const double limit = math::chi_square_quantile(1.0 - kRange, std::max(1.0, static_cast<double>(sets.size()) - 1.0));
   plane.turns.assign(sets[finest]->turns.size(), kUnknown);
-  return over_rows(height, threads, progress, [&](int first, int last) {
+  return over_rows(height, threads, "fringes", progress, [&](int first, int last) {
     std::vector<float> costs(static_cast<std::size_t>(candidates));
     for (std::size_t i = static_cast<std::size_t>(first) * static_cast<std::size_t>(width);
          i < static_cast<std::size_t>(last) * static_cast<std::size_t>(width); ++i) {

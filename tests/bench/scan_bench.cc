@@ -364,7 +364,9 @@ void against_opencv() {
 int main(int argc, char** argv) {
   using namespace crosstie::bench;
   const std::vector<std::string> parts(argv + 1, argv + argc);
-  const auto wanted = [&](const char* part) { return parts.empty() || std::find(parts.begin(), parts.end(), part) != parts.end(); };
+  const auto wanted = [&](const char* part) {
+    return parts.empty() || std::find(parts.begin(), parts.end(), part) != parts.end();
+  };
   print_heading("the bar, or OpenCV structured_light");
   if (wanted("bars")) against_bars();
   if (wanted("opencv")) against_opencv();
