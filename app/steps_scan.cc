@@ -97,41 +97,58 @@ Result<std::vector<base::ResultInput>> inputs_of(const ScanTask& task, const bas
   return hashed_inputs(paths, task.base_folder);
 }
 
-/// One camera's phases, and the image for its markers.
-struct Decoded {
-  PhaseMap map;
-  base::Image for_markers;
+/// One camera while its images come in.
+struct Camera {
+  std::optional<scan::Decoder> decoder;
+  std::optional<base::Image> white;  ///< for markers
+  double white_level = 0.0;
 };
 
-/// One camera's images, one after the other.
-Result<Decoded> decode_camera(const ScanTask& task, const base::PatternSequence& sequence, std::size_t camera,
-                              const base::Progress& progress) {
-  std::optional<scan::Decoder> decoder;
-  std::optional<base::Image> white;
-  double white_level = 0.0;
-  for (std::size_t i = 0; i < sequence.patterns.size(); ++i) {
-    if (progress.cancelled()) return base::cancelled("scan");
-    const fs::path path = image_path(task, sequence.patterns[i], camera);
-    auto image = base::read_image(path);
-    if (!image) return base::fail(std::move(image));
-    if (task.white_levels[camera]) image->set_white_level(*task.white_levels[camera]);
-    white_level = image->white_level();
-    if (task.markers && !white && sequence.patterns[i].kind == base::PatternKind::kWhite) white = *image;
-    if (!decoder) {
-      auto made = scan::Decoder::make(sequence, image->width(), image->height(), task.decode);
-      if (!made) return base::fail(std::move(made));
-      decoder.emplace(*std::move(made));
-    }
-    if (auto added = decoder->add(static_cast<int>(i), *std::move(image)); !added)
-      return base::fail(added.error().code, fmt::format("{}: {}", path.string(), added.error().message));
+Result<> add_image(const ScanTask& task, const base::PatternSequence& sequence, std::size_t index, std::size_t camera,
+                   Camera& state) {
+  const base::Pattern& pattern = sequence.patterns[index];
+  const fs::path path = image_path(task, pattern, camera);
+  auto image = base::read_image(path);
+  if (!image) return base::fail(std::move(image));
+  if (task.white_levels[camera]) image->set_white_level(*task.white_levels[camera]);
+  state.white_level = image->white_level();
+  if (task.markers && !state.white && pattern.kind == base::PatternKind::kWhite) state.white = *image;
+  if (!state.decoder) {
+    auto made = scan::Decoder::make(sequence, image->width(), image->height(), task.decode);
+    if (!made) return base::fail(std::move(made));
+    state.decoder.emplace(*std::move(made));
   }
-  auto map = decoder->finish(progress);
-  if (!map && map.error().code == ErrorCode::kBadInput)
-    return base::fail(ErrorCode::kBadInput,
-                      fmt::format("{}: {}", (camera == 0 ? task.left : task.right).string(), map.error().message));
-  if (!map) return base::fail(std::move(map));
-  Decoded result{*std::move(map), {}};
-  if (task.markers) result.for_markers = marker_image(white, result.map, white_level);
+  auto added = state.decoder->add(static_cast<int>(index), *std::move(image));
+  if (!added) return base::fail(added.error().code, fmt::format("{}: {}", path.string(), added.error().message));
+  return {};
+}
+
+/// The phases of both cameras, and the images for their markers.
+struct Decoded {
+  std::array<PhaseMap, 2> maps;
+  std::array<base::Image, 2> for_markers;
+};
+
+/// Image by image, both cameras' at once; then what needs all images, one camera after the other, since it takes memory.
+Result<Decoded> decode_cameras(const ScanTask& task, const base::PatternSequence& sequence, const base::Progress& progress) {
+  std::array<Camera, 2> cameras;
+  for (std::size_t i = 0; i < sequence.patterns.size(); ++i) {
+    progress("images", i, sequence.patterns.size());
+    auto added = base::parallel_for(2, task.decode.threads, "images", {{}, progress.stop},
+                                    [&](std::size_t camera) { return add_image(task, sequence, i, camera, cameras[camera]); });
+    if (!added) return base::fail(std::move(added));
+  }
+  Decoded result;
+  for (std::size_t c = 0; c < 2; ++c) {
+    auto map = cameras[c].decoder->finish(progress);
+    if (!map && map.error().code == ErrorCode::kBadInput)
+      return base::fail(ErrorCode::kBadInput,
+                        fmt::format("{}: {}", (c == 0 ? task.left : task.right).string(), map.error().message));
+    if (!map) return base::fail(std::move(map));
+    cameras[c].decoder.reset();
+    result.maps[c] = *std::move(map);
+    if (task.markers) result.for_markers[c] = marker_image(cameras[c].white, result.maps[c], cameras[c].white_level);
+  }
   return result;
 }
 
@@ -215,13 +232,9 @@ Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session
   const base::Progress progress = session.progress();
   ScanParts parts;
   parts.observations = no_markers(task);
-  std::array<base::Image, 2> for_markers;
-  for (std::size_t camera = 0; camera < 2; ++camera) {
-    auto decoded = decode_camera(task, *sequence, camera, progress);
-    if (!decoded) return base::fail(std::move(decoded));
-    parts.maps[camera] = std::move(decoded->map);
-    for_markers[camera] = std::move(decoded->for_markers);
-  }
+  auto decoded = decode_cameras(task, *sequence, progress);
+  if (!decoded) return base::fail(std::move(decoded));
+  parts.maps = std::move(decoded->maps);
   auto depths = scan::match(parts.maps[0], parts.maps[1], head->head, task.match, progress);
   if (!depths) return base::fail(std::move(depths));
   parts.depths = *std::move(depths);
@@ -232,7 +245,8 @@ Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session
   if (!cloud) return base::fail(std::move(cloud));
   parts.cloud = *std::move(cloud);
   if (task.markers) {
-    if (auto done = look_for_markers(task, head->head, for_markers, parts, session); !done) return base::fail(std::move(done));
+    if (auto done = look_for_markers(task, head->head, decoded->for_markers, parts, session); !done)
+      return base::fail(std::move(done));
   }
   auto edges = scan_edges(task, *sequence, head->head, parts, progress);
   if (!edges) return base::fail(std::move(edges));

@@ -148,6 +148,8 @@ struct Cell {
 struct Place {
   std::size_t cell = 0;  ///< index of its upper left pixel
   double u = 0.0, v = 0.0;
+  Eigen::RowVector2d by_a = Eigen::RowVector2d::Zero();  ///< slopes of the coordinates' planes there
+  Eigen::RowVector2d by_b = Eigen::RowVector2d::Zero();
 };
 
 /// Where the next left pixel of a row may have its place: as far on from the last one as that from the one before.
@@ -206,9 +208,7 @@ class Matcher {
     if (!(std::abs(determinant) > 1e-6)) return Outcome::kNone;
     const Eigen::Vector2d along =
         Eigen::Vector2d(rectified(1, 1), -rectified(1, 0)) / determinant;  // px of the image per px of the curve
-    const Cell smooth_a(target_.first_smooth, place.cell, width_);
-    const Eigen::RowVector2d by_a = smooth_a.slope(place.u, place.v);
-    const double slope = by_a.dot(along);
+    const double slope = place.by_a.dot(along);
     if (slope * target_.slope < options_.min_slope * target_.slope * target_.slope) return Outcome::kNone;
     const double missing_a = static_cast<double>(a) - value_at(target_.first->turns, target_.first_smooth, place);
     const double variance_a = static_cast<double>(sigma_a) * sigma_a + interpolated_variance(*target_.first, place);
@@ -219,7 +219,7 @@ class Matcher {
       return Outcome::kMatched;
     }
     Eigen::Matrix2d phases;
-    phases << by_a, Cell(target_.second_smooth, place.cell, width_).slope(place.u, place.v);
+    phases << place.by_a, place.by_b;
     if (!(std::abs(phases.determinant()) > 1e-12)) return Outcome::kNone;
     const double missing_b = static_cast<double>(b) - value_at(target_.second->turns, target_.second_smooth, place);
     const double variance_b = static_cast<double>(sigma_b) * sigma_b + interpolated_variance(*target_.second, place);
@@ -283,9 +283,10 @@ class Matcher {
       }
       const Cell cell_a(target_.first_smooth, at, width_);
       const Cell cell_b(second_plane(), at, width_);
+      Eigen::RowVector2d da, db;
       for (int newton = 0; newton < 3; ++newton) {
-        const Eigen::RowVector2d da = cell_a.slope(u, v);
-        const Eigen::RowVector2d db = cell_b.slope(u, v);
+        da = cell_a.slope(u, v);
+        db = cell_b.slope(u, v);
         const double determinant = da.x() * db.y() - da.y() * db.x();
         if (!(std::abs(determinant) > 1e-12)) return false;
         const double ra = static_cast<double>(a) - cell_a.at(u, v);
@@ -297,7 +298,7 @@ class Matcher {
         if (std::abs(du) + std::abs(dv) < 1e-4) break;
       }
       if (u >= -kSlack && u <= 1.0 + kSlack && v >= -kSlack && v <= 1.0 + kSlack) {
-        place = {at, u, v};
+        place = {at, u, v, da, db};
         return true;
       }
       const double move_x = std::floor(u);

@@ -9,8 +9,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "base/parallel.h"
 #include "scan/detail/fringe_kernel.h"
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -18,7 +18,6 @@ namespace {
 using base::Image;
 using base::Result;
 
-constexpr int kRowsPerTask = 16;
 constexpr double kSamplePixels = 2e5;     // of which the residuals' statistics are made
 constexpr double kMarginSigmas = 3.0;     // of an end of the grey scale: samples nearer to it may have been cut off by noise
 constexpr float kLeastModulation = 3.0F;  // levels: of pixels that tell the noise
@@ -178,9 +177,15 @@ void sample_residuals(const std::vector<Image>& images, const std::vector<double
   }
 }
 
+/// A pixel that was solved without some of its samples.
+struct ClippedPixel {
+  std::size_t pixel;
+  float gain;
+};
+
 template <typename Sample>
 void solve_rows(const std::vector<Image>& images, const Solver& solver, int first, int last, FringeSet& set,
-                std::vector<float>& gains) {
+                std::vector<ClippedPixel>& clipped_pixels) {
   const auto width = static_cast<std::size_t>(images.front().width());
   const float dof = static_cast<float>(images.size()) - 3.0F;
   std::vector<std::uint8_t> clipped(width);
@@ -195,13 +200,12 @@ void solve_rows(const std::vector<Image>& images, const Solver& solver, int firs
       if (!clipped[x]) continue;
       for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = rows[n][x];
       const auto fit = solver.fit(levels);
-      set.used[at + x] = static_cast<std::uint8_t>(fit ? fit->used : 0);
       set.modulation[at + x] = fit ? static_cast<float>(std::hypot(fit->a, fit->b)) : 0.0F;
+      clipped_pixels.push_back({at + x, static_cast<float>(fit ? fit->gain : solver.gain())});
       if (!fit) continue;
       set.turns[at + x] = static_cast<float>(turns_of(fit->a, fit->b));
       set.mean[at + x] = static_cast<float>(fit->mean);
       set.squares[at + x] = fit->used > 3 ? static_cast<float>(fit->squares / (fit->used - 3)) : 0.0F;
-      gains[at + x] = static_cast<float>(fit->gain);
     }
   }
 }
@@ -238,22 +242,21 @@ Result<FringeSet> solve_set(const std::vector<Image>& images, const std::vector<
   set.gain = solver.gain();
   set.white_level = white;
   for (auto* plane : {&set.turns, &set.modulation, &set.mean, &set.squares}) plane->resize(pixels);
-  set.used.assign(pixels, static_cast<std::uint8_t>(set.steps));
-  std::vector<float> gains(pixels, static_cast<float>(set.gain));
-  const auto tasks = static_cast<std::size_t>((height + kRowsPerTask - 1) / kRowsPerTask);
-  auto done = base::parallel_for(tasks, options.threads, "phases", progress, [&](std::size_t task) -> Result<> {
-    const int first = static_cast<int>(task) * kRowsPerTask;
-    const int last = std::min(height, first + kRowsPerTask);
+  std::vector<std::vector<ClippedPixel>> clipped(band_count(height));
+  auto done = over_rows(height, options.threads, "phases", progress, [&](int first, int last) {
     if (bytes) {
-      solve_rows<std::uint8_t>(images, solver, first, last, set, gains);
+      solve_rows<std::uint8_t>(images, solver, first, last, set, clipped[band_of(first)]);
     } else {
-      solve_rows<std::uint16_t>(images, solver, first, last, set, gains);
+      solve_rows<std::uint16_t>(images, solver, first, last, set, clipped[band_of(first)]);
     }
-    return {};
   });
   if (!done) return base::fail(std::move(done));
-  if (std::any_of(set.used.begin(), set.used.end(), [&](std::uint8_t used) { return used < set.steps; }))
-    set.gains = std::move(gains);
+  if (std::any_of(clipped.begin(), clipped.end(), [](const auto& band) { return !band.empty(); })) {
+    set.gains.assign(pixels, static_cast<float>(set.gain));
+    for (const auto& band : clipped) {
+      for (const ClippedPixel& one : band) set.gains[one.pixel] = one.gain;
+    }
+  }
   return set;
 }
 

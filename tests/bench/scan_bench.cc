@@ -19,6 +19,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/structured_light.hpp>
 
+#include "base/parallel.h"
 #include "scan/cloud.h"
 #include "scan/decode.h"
 #include "scan/match.h"
@@ -84,6 +85,9 @@ class Wall {
     return image;
   }
 
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+
   base::Head head;
   PatternSequence sequence;
 
@@ -113,25 +117,36 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// Image by image, both cameras' at once, then what needs all of them, one camera after the other: as `crosstie scan` does it.
+template <typename ImageOf>
+std::array<base::PhaseMap, 2> decode(const Wall& wall, const ImageOf& image_of) {
+  const auto give_up = [](const base::Error& error) {
+    std::fprintf(stderr, "%s\n", error.message.c_str());
+    std::exit(1);
+  };
+  std::vector<scan::Decoder> decoders;
+  for (int camera = 0; camera < 2; ++camera)
+    decoders.push_back(*scan::Decoder::make(wall.sequence, wall.width(), wall.height(), {}));
+  for (std::size_t i = 0; i < wall.sequence.patterns.size(); ++i) {
+    const auto added = base::parallel_for(
+        2, 0, "images", {}, [&](std::size_t camera) { return decoders[camera].add(static_cast<int>(i), image_of(camera, i)); });
+    if (!added) give_up(added.error());
+  }
+  std::array<base::PhaseMap, 2> maps;
+  for (std::size_t camera = 0; camera < 2; ++camera) {
+    auto map = decoders[camera].finish();
+    if (!map) give_up(map.error());
+    maps[camera] = *std::move(map);
+  }
+  return maps;
+}
+
 /// Images -> cloud. `images` are consumed.
 Times reconstruct(const Wall& wall, std::array<std::vector<Image>, 2> images) {
   Times times;
   const std::clock_t cpu = std::clock();
   const auto start = std::chrono::steady_clock::now();
-  std::array<base::PhaseMap, 2> maps;
-  for (std::size_t camera = 0; camera < 2; ++camera) {
-    auto decoder = scan::Decoder::make(wall.sequence, images[camera].front().width(), images[camera].front().height(), {});
-    for (std::size_t i = 0; i < images[camera].size(); ++i) {
-      if (auto added = decoder->add(static_cast<int>(i), std::move(images[camera][i])); !added)
-        std::printf("%s\n", added.error().message.c_str());
-    }
-    auto map = decoder->finish();
-    if (!map) {
-      std::printf("%s\n", map.error().message.c_str());
-      std::exit(1);
-    }
-    maps[camera] = *std::move(map);
-  }
+  const auto maps = decode(wall, [&](std::size_t camera, std::size_t i) { return std::move(images[camera][i]); });
   times.decode_s = seconds_since(start);
   const auto depths = scan::match(maps[0], maps[1], wall.head, {});
   const auto cloud = scan::make_cloud(*depths, maps[0], wall.head, {});
@@ -172,13 +187,7 @@ double peak_mib(int width, int height, const scan::PatternOptions& options) {
   const pid_t child = fork();
   if (child == 0) {
     const Wall wall(width, height, options);
-    std::array<base::PhaseMap, 2> maps;
-    for (int camera = 0; camera < 2; ++camera) {
-      auto decoder = scan::Decoder::make(wall.sequence, width, height, {});
-      for (std::size_t i = 0; i < wall.sequence.patterns.size(); ++i)
-        (void)decoder->add(static_cast<int>(i), wall.image(camera, i));
-      maps[static_cast<std::size_t>(camera)] = *decoder->finish();
-    }
+    const auto maps = decode(wall, [&](std::size_t camera, std::size_t i) { return wall.image(static_cast<int>(camera), i); });
     const auto depths = scan::match(maps[0], maps[1], wall.head, {});
     const auto cloud = scan::make_cloud(*depths, maps[0], wall.head, {});
     _exit(cloud ? 0 : 1);
@@ -300,23 +309,11 @@ void against_opencv() {
   const auto images = all_images(wall);
   double ours = 1e30;
   for (int run = 0; run < 3; ++run) {
-    const auto start = std::chrono::steady_clock::now();
-    std::array<base::PhaseMap, 2> maps;
     auto copy = images;
     const auto after_copy = std::chrono::steady_clock::now();
-    for (std::size_t camera = 0; camera < 2; ++camera) {
-      auto decoder = scan::Decoder::make(wall.sequence, width, height, {});
-      for (std::size_t i = 0; i < copy[camera].size(); ++i) (void)decoder->add(static_cast<int>(i), std::move(copy[camera][i]));
-      auto map = decoder->finish();
-      if (!map) {
-        std::printf("ours: %s\n", map.error().message.c_str());
-        return;
-      }
-      maps[camera] = *std::move(map);
-    }
+    const auto maps = decode(wall, [&](std::size_t camera, std::size_t i) { return std::move(copy[camera][i]); });
     const auto depths = scan::match(maps[0], maps[1], wall.head, {});
     ours = std::min(ours, seconds_since(after_copy));
-    (void)start;
     if (!depths) return;
   }
   // OpenCV's own patterns in its order: columns' bits with their inverses, then rows'.
