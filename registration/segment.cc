@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "base/parallel.h"
 #include "math/shape_fit.h"
 
 namespace crosstie::registration {
@@ -21,7 +22,7 @@ constexpr double kConeBetter = 0.9;   // rms of the cone over that of the cylind
 
 }  // namespace
 
-Segment fit_segment(std::span<const Vector3d> points_mm) {
+Segment fit_segment(std::span<const Vector3d> points_mm, int threads) {
   Segment segment;
   std::vector<Vector3d> points;
   const std::size_t every = std::max<std::size_t>(1, points_mm.size() / kPoints);
@@ -29,8 +30,13 @@ Segment fit_segment(std::span<const Vector3d> points_mm) {
   if (points.size() < 20) return segment;
   const auto plane = math::fit_plane(points);
   if (!plane) return segment;
-  const auto cylinder = math::fit_cylinder(points);
-  const auto cone = math::fit_cone(points);
+  base::Result<math::ShapeFit<math::Cylinder>> cylinder = tl::unexpected(base::Error{});
+  base::Result<math::ShapeFit<math::Cone>> cone = tl::unexpected(base::Error{});
+  (void)base::parallel_for(2, threads, "shape", {}, [&](std::size_t i) -> base::Result<> {  // where a fit fails, it has failed
+    if (i == 0) cone = math::fit_cone(points);
+    if (i == 1) cylinder = math::fit_cylinder(points);
+    return {};
+  });
   const double limit = kMuchBetter * plane->quality.rms_mm;
   const bool conical = cone && cone->quality.rms_mm < limit &&
                        cone->shape.half_angle_rad > kConeSigmas * cone->quality.half_angle_sigma_rad() &&

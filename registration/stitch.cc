@@ -309,7 +309,7 @@ void place_markers(detail::StitchWork& work) {
   for (const auto& [id, sum] : sums) work.state.markers[id] = sum.first / sum.second;
 }
 
-base::Segment segment_of(const StitchInput& input, const std::vector<base::Pose>& poses) {
+base::Segment segment_of(const StitchInput& input, const std::vector<base::Pose>& poses, int threads) {
   constexpr std::size_t kEach = 400;
   std::vector<Vector3d> points;
   for (std::size_t k = 0; k < input.stations.size(); ++k) {
@@ -318,7 +318,7 @@ base::Segment segment_of(const StitchInput& input, const std::vector<base::Pose>
     const std::size_t every = std::max<std::size_t>(1, pieces.size() / kEach);
     for (std::size_t i = 0; i < pieces.size(); i += every) points.push_back(poses[k] * pieces[i].point_mm);
   }
-  return fit_segment(points);
+  return fit_segment(points, threads);
 }
 
 /// Points of all stations at which the head's effect is judged.
@@ -419,7 +419,7 @@ Result<base::Stitching> stitch(const StitchInput& input, const StitchOptions& op
   work.listed = start->listed;
   work.rejected = start->rejected;
   place_markers(work);
-  work.segment = input.segment ? *input.segment : segment_of(input, work.state.machine_from_rig);
+  work.segment = input.segment ? *input.segment : segment_of(input, work.state.machine_from_rig, options.threads);
 
   const double cell = cell_of(input);
   const double near = kReach * cell;

@@ -70,9 +70,13 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
   const int height = depths.height;
   const auto w = static_cast<std::size_t>(width);
   const Surface surface = surface_of(depths, options.threads);
-  std::vector<char> filtered;
-  const std::vector<float> inverse =
-      detail::box_mean(surface.inverse, surface.good, width, height, options.filter_radius_px, options.threads, &filtered);
+  std::vector<char> averaged;
+  std::vector<float> filtered;
+  if (options.filter_radius_px > 0) {
+    filtered =
+        detail::box_mean(surface.inverse, surface.good, width, height, options.filter_radius_px, options.threads, &averaged);
+  }
+  const std::vector<float>& inverse = filtered.empty() ? surface.inverse : filtered;
   const std::vector<float> calibration = detail::calibration_sigmas(head, depths, options.threads);
 
   std::vector<Eigen::Vector3f> normals(depths.depth_mm.size(), Eigen::Vector3f::Zero());
@@ -155,8 +159,8 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
       result.depth_mm[at] = static_cast<float>(z);
       cloud.points[i] = z * Eigen::Vector3d(x_all[at], y_all[at], 1.0);
       cloud.normals[i] = normals[at].cast<double>();
-      const double averaged = filtered[at] ? 2.0 * options.filter_radius_px + 1.0 : 1.0;
-      sigma[i] = static_cast<double>(depths.sigma_mm[at]) / averaged;
+      const double width_px = !averaged.empty() && averaged[at] ? 2.0 * options.filter_radius_px + 1.0 : 1.0;
+      sigma[i] = static_cast<double>(depths.sigma_mm[at]) / width_px;
       if (!calibration.empty()) calibration_mm[i] = calibration[at];
       light[i] = left.light[at];
       modulation[i] = plane.modulation[at];

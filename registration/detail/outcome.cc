@@ -393,7 +393,7 @@ Result<Stitching> outcome(const StitchWork& work, StitchSolution& solution, std:
     station.points = static_cast<long>(scan.surface->points());
     for (const SurfacePiece& piece : scan.surface->pieces()) points.push_back(station.machine_from_rig * piece.point_mm);
   }
-  result.segment = work.input.segment ? *work.input.segment : fit_segment(points);
+  result.segment = work.input.segment ? *work.input.segment : fit_segment(points, work.options.threads);
   if (auto filled = fill_head(work, result); !filled) return fail(std::move(filled));
   fill_markers(work, solution, result);
   if (auto filled = fill_covariance(work, solution, result); !filled) return fail(std::move(filled));
