@@ -26,21 +26,17 @@ float derivative(const float* at, std::ptrdiff_t stride) {
          (at[3 * stride] - at[-3 * stride]) / 60.0F;
 }
 
-/// Change of turns per px along one direction, from neighbours of the same surface: on both sides where there are, else on one.
-bool slope(const std::vector<float>& turns, std::size_t at, std::ptrdiff_t stride, float& result) {
-  constexpr float kWhole = static_cast<float>(kReach * (kReach + 1) * (2 * kReach + 1)) / 3.0F;  // sum of 2 k^2
-  const auto value = [&](std::ptrdiff_t steps) {
-    return turns[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + steps * stride)];
-  };
+/// Change of values per px from neighbours on both sides; not a number where one of them is none.
+float slope_of_all(const float* at, std::ptrdiff_t stride) {
+  return ((at[stride] - at[-stride]) + 2.0F * (at[2 * stride] - at[-2 * stride]) + 3.0F * (at[3 * stride] - at[-3 * stride])) /
+         28.0F;
+}
+
+/// The same from those neighbours of the same surface that there are: on both sides, else on one.
+bool slope_of_some(const float* at, std::ptrdiff_t stride, float& result) {
   float sum = 0.0F, weight = 0.0F;
-  for (std::ptrdiff_t k = 1; k <= kReach; ++k) sum += static_cast<float>(k) * (value(k) - value(-k));
-  if (!std::isnan(sum)) {
-    result = sum / kWhole;
-    return true;
-  }
-  sum = 0.0F;
   for (std::ptrdiff_t k = 1; k <= kReach; ++k) {
-    const float both = value(k) - value(-k);
+    const float both = at[k * stride] - at[-k * stride];
     if (std::isnan(both)) continue;
     sum += static_cast<float>(k) * both;
     weight += static_cast<float>(2 * k * k);
@@ -50,7 +46,7 @@ bool slope(const std::vector<float>& turns, std::size_t at, std::ptrdiff_t strid
     return true;
   }
   for (const std::ptrdiff_t side : {1, -1}) {
-    const float change = value(2 * side) - value(side);
+    const float change = at[2 * side * stride] - at[side * stride];
     if (std::isnan(change)) continue;
     result = static_cast<float>(side) * change;
     return true;
@@ -60,17 +56,25 @@ bool slope(const std::vector<float>& turns, std::size_t at, std::ptrdiff_t strid
 
 /// grad(turns) . grad(ln B) of every valid pixel; not a number where it is not known.
 std::vector<float> leanings(const base::PhaseMap& map, const base::PhasePlane& plane, int threads) {
-  const auto w = static_cast<std::size_t>(map.width);
+  const auto down = static_cast<std::ptrdiff_t>(map.width);
   std::vector<float> result(plane.turns.size(), std::numeric_limits<float>::quiet_NaN());
   over_rows(map.height, threads, [&](int first, int last) {
     for (int y = std::max(kReach, first); y < std::min(map.height - kReach, last); ++y) {
+      const float* turns = &plane.turns[map.at(0, y)];
+      const float* b = &plane.modulation[map.at(0, y)];
+      float* lean = &result[map.at(0, y)];
+      for (int x = kReach; x < map.width - kReach; ++x) {  // without a branch, for all at once
+        lean[x] =
+            (slope_of_all(turns + x, 1) * derivative(b + x, 1) + slope_of_all(turns + x, down) * derivative(b + x, down)) /
+            b[x];
+      }
       for (int x = kReach; x < map.width - kReach; ++x) {
-        const std::size_t at = map.at(x, y);
-        if (std::isnan(plane.turns[at]) || plane.modulation[at] < kLeastModulation) continue;
-        float across = 0.0F, down = 0.0F;
-        if (!slope(plane.turns, at, 1, across) || !slope(plane.turns, at, static_cast<std::ptrdiff_t>(w), down)) continue;
-        const float* b = &plane.modulation[at];
-        result[at] = (across * derivative(b, 1) + down * derivative(b, static_cast<std::ptrdiff_t>(w))) / *b;
+        if (!std::isnan(lean[x]) && !std::isnan(turns[x]) && b[x] >= kLeastModulation) continue;
+        lean[x] = std::numeric_limits<float>::quiet_NaN();
+        float by_x = 0.0F, by_y = 0.0F;
+        if (std::isnan(turns[x]) || b[x] < kLeastModulation) continue;
+        if (!slope_of_some(turns + x, 1, by_x) || !slope_of_some(turns + x, down, by_y)) continue;
+        lean[x] = (by_x * derivative(b + x, 1) + by_y * derivative(b + x, down)) / b[x];
       }
     }
   });

@@ -18,7 +18,7 @@ namespace {
 using base::Image;
 using base::Result;
 
-constexpr double kSamplePixels = 2e5;     // of which the residuals' statistics are made
+constexpr double kSamplePixels = 1e5;     // of which the residuals' statistics are made
 constexpr double kMarginSigmas = 3.0;     // of an end of the grey scale: samples nearer to it may have been cut off by noise
 constexpr float kLeastModulation = 3.0F;  // levels: of pixels that tell the noise
 constexpr float kClear = 4.0F;            // levels between their darkest or brightest sample and the ends of the grey scale,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <numbers>
 
 #include "math/distributions.h"
@@ -40,9 +41,12 @@ PhaseQuality judge_phases(const FringeSet& set, const base::GreyNoise& noise, do
   constexpr float kTwoPi = 2.0F * std::numbers::pi_v<float>;
   const auto w = static_cast<std::size_t>(width);
   const int dof = set.steps - 3;
-  const double limit = dof > 0 ? options.max_residual_ratio * options.max_residual_ratio *
-                                     math::chi_square_quantile(1.0 - kDisturbedSignificance, dof) / dof
-                               : 0.0;
+  float limit = std::numeric_limits<float>::infinity();
+  if (dof > 0 && options.max_residual_ratio > 0.0) {
+    limit = static_cast<float>(options.max_residual_ratio * options.max_residual_ratio *
+                               math::chi_square_quantile(1.0 - kDisturbedSignificance, dof) / dof);
+  }
+  const auto middle = static_cast<float>(0.5 * set.white_level);
   const auto read = static_cast<float>(noise.read);
   const auto shot = static_cast<float>(noise.shot);
   const auto most_sigma = static_cast<float>(options.max_phase_sigma_rad) / kTwoPi;
@@ -53,33 +57,33 @@ PhaseQuality judge_phases(const FringeSet& set, const base::GreyNoise& noise, do
   std::vector<PhaseQuality> bands(band_count(height));
   over_rows(height, options.threads, [&](int first, int last) {
     PhaseQuality& sums = bands[band_of(first)];
-    std::vector<float> columns(w), squared(w), variance(w), gain(w, static_cast<float>(set.gain));
+    std::vector<float> columns(w), squared(w), ratio(w), gain(w, static_cast<float>(set.gain));
     for (int y = first; y < last; ++y) {
       const std::size_t at = static_cast<std::size_t>(y) * w;
       squared_modulation(set, width, height, y, columns, squared.data());
       if (!set.gains.empty()) std::copy_n(&set.gains[at], w, gain.data());
       const float* mean = &set.mean[at];
+      const float* modulation = &set.modulation[at];
+      const float* squares = &set.squares[at];
       float* sigma = &result.sigma_turns[at];
       for (std::size_t x = 0; x < w; ++x) {
-        variance[x] = std::max(kLeastSigma * kLeastSigma, read + shot * mean[x]);
-        const float of_amplitude = gain[x] * variance[x];
+        const float variance = std::max(kLeastSigma * kLeastSigma, read + shot * mean[x]);
+        const float of_amplitude = gain[x] * variance;
         // Noise makes the amplitude longer, by twice its variance on average.
         sigma[x] = std::sqrt(of_amplitude / std::max(1e-12F, squared[x] - 2.0F * of_amplitude)) / kTwoPi;
+        ratio[x] = squares[x] / (variance + waveform_part * modulation[x] * modulation[x]);
       }
       for (std::size_t x = 0; x < w; ++x) {
         PhaseStatus& pixel = status[at + x];
         if (pixel != PhaseStatus::kValid) continue;
-        const float modulation = set.modulation[at + x];
-        if (modulation <= 0.0F) {  // cut off, at one end of the grey scale or at the other
-          pixel = static_cast<double>(mean[x]) < 0.5 * set.white_level ? PhaseStatus::kDark : PhaseStatus::kSaturated;
-        } else if (modulation < least_modulation || sigma[x] > most_sigma) {
+        if (modulation[x] <= 0.0F) {  // cut off, at one end of the grey scale or at the other
+          pixel = mean[x] < middle ? PhaseStatus::kDark : PhaseStatus::kSaturated;
+        } else if (modulation[x] < least_modulation || sigma[x] > most_sigma) {
           pixel = PhaseStatus::kDark;
         } else if (dof > 0) {
-          const double ratio =
-              static_cast<double>(set.squares[at + x] / (variance[x] + waveform_part * modulation * modulation));
-          sums.squares += ratio;
+          sums.squares += static_cast<double>(ratio[x]);
           ++sums.tested;
-          if (options.max_residual_ratio > 0.0 && ratio > limit) {
+          if (ratio[x] > limit) {
             pixel = PhaseStatus::kDisturbed;
             ++sums.disturbed;
           }
