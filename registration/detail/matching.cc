@@ -45,8 +45,10 @@ void fill(const SurfacePiece& a, const SurfacePiece& b, const Meeting& at, int s
   match.normal = at.normal;
   match.distance_mm = at.distance;
   const double tilt = 0.25 * at.along.squaredNorm();
-  match.sigma_mm = std::sqrt(a.sigma_mm * a.sigma_mm + a.tilt_rad * a.tilt_rad * tilt +
-                             sharing * (b.sigma_mm * b.sigma_mm + b.tilt_rad * b.tilt_rad * tilt));
+  const double first = a.sigma_mm * a.sigma_mm + a.tilt_rad * a.tilt_rad * tilt;
+  const double second = b.sigma_mm * b.sigma_mm + b.tilt_rad * b.tilt_rad * tilt;
+  match.sigma_mm = std::sqrt(first + sharing * second);
+  match.scatter_mm = std::sqrt(first + second);
 }
 
 void fill_all(const Surface& first, const Surface& second, const Pose& frame_from_first, const Pose& frame_from_second,

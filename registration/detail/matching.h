@@ -21,6 +21,7 @@ struct Match {
   /// Of the distance, so that all matches together count no piece twice: where m pieces of the first have the same partner, the
   /// partner's variance counts m times. Its normal's error acts over half of the distance along the surface.
   double sigma_mm = 0.0;
+  double scatter_mm = 0.0;  ///< sigma of this distance alone, which its residual scatters by
 };
 
 struct MatchGates {

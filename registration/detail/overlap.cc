@@ -41,7 +41,7 @@ void trust_matches(std::vector<Overlap>& overlaps, OverlapScale& scale) {
   std::vector<double> normalised, distances;
   for (const Overlap& overlap : overlaps) {
     for (const Match& match : overlap.matches) {
-      normalised.push_back(std::abs(match.distance_mm) / match.sigma_mm);
+      normalised.push_back(std::abs(match.distance_mm) / match.scatter_mm);
       distances.push_back(std::abs(match.distance_mm));
     }
   }
@@ -50,7 +50,7 @@ void trust_matches(std::vector<Overlap>& overlaps, OverlapScale& scale) {
   for (Overlap& overlap : overlaps) {
     overlap.trust.clear();
     for (const Match& match : overlap.matches) {
-      const double u = match.distance_mm / match.sigma_mm / (kTukey * scale.factor);
+      const double u = match.distance_mm / match.scatter_mm / (kTukey * scale.factor);
       overlap.trust.push_back(std::abs(u) < 1.0 ? std::pow(1.0 - u * u, 2) : 0.0);
     }
   }
