@@ -47,7 +47,8 @@ double tone(const MarkerScene& scene, const Eigen::Vector2d& p, double gradient)
   const double rho = p.norm();
   const auto inside = [&](double radius) { return cover((radius - rho) / gradient); };
   double value = inside(1.0);
-  if (scene.coded) {
+  const double ring = scene.coded ? inside(family.ring_outer) - inside(family.ring_inner) : 0.0;
+  if (ring > 0.0) {
     double angle = std::atan2(p.y(), scene.mirrored ? -p.x() : p.x());
     if (angle < 0.0) angle += 2.0 * std::numbers::pi;
     const double turns = angle / (2.0 * std::numbers::pi) * family.bits;
@@ -62,9 +63,9 @@ double tone(const MarkerScene& scene, const Eigen::Vector2d& p, double gradient)
     double set = bit(segment);
     if (from_start < 0.5) set = cover(from_start) * bit(segment) + (1.0 - cover(from_start)) * bit(segment - 1);
     if (from_end < 0.5) set = cover(from_end) * bit(segment) + (1.0 - cover(from_end)) * bit(segment + 1);
-    value += set * (inside(family.ring_outer) - inside(family.ring_inner));
-    if (family.border_outer > family.disc_outer) value += inside(family.border_outer) - inside(family.disc_outer);
+    value += set * ring;
   }
+  if (scene.coded && family.border_outer > family.disc_outer) value += inside(family.border_outer) - inside(family.disc_outer);
   return scene.dark_on_bright ? 1.0 - value : value;
 }
 
