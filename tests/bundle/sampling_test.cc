@@ -8,13 +8,12 @@
 #include "bundle/adjust.h"
 #include "math/distributions.h"
 #include "math/rigid_alignment.h"
+#include "tests/bundle/seeds.h"
 #include "tests/bundle/normalised_square.h"
 #include "tests/bundle/synthetic_network.h"
 
 namespace crosstie::bundle {
 namespace {
-
-constexpr int kRepetitions = 200;
 
 enum class Datum { kInner, kMinimal, kThreeTwoOne, kControl };
 
@@ -100,6 +99,7 @@ Eigen::VectorXd errors(const tests::SyntheticNetwork& truth, const base::Adjuste
 }
 
 void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool scale_is_free) {
+  const int repetitions = tests::seeds(100);
   double all = 0.0;
   double points = 0.0;
   double poses = 0.0;
@@ -108,7 +108,7 @@ void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool s
   int dof_points = 0;
   int dof_poses = 0;
   int redundancy = 0;
-  for (int k = 1; k <= kRepetitions; ++k) {
+  for (int k = 1; k <= repetitions; ++k) {
     options.seed = static_cast<std::uint64_t>(k);
     tests::SyntheticNetwork synthetic = tests::make_synthetic(options);
     if (scale_is_free) {
