@@ -26,6 +26,13 @@ ordered_json nominal_json(const edge::NominalFit& fit) {
     sizes[names[i] + "_mm"] = fit.nominal.size_mm[i];
     sigmas.push_back(fit.size_sigma_mm(i));
   }
+  ordered_json left_out = ordered_json::array();
+  for (const edge::ForeignStretch& stretch : fit.left_out) {
+    left_out.push_back({{"from_mm", stretch.from_mm},
+                        {"length_mm", stretch.length_mm},
+                        {"points", stretch.points.size()},
+                        {"most_u_mm", stretch.most_u_mm}});
+  }
   const Eigen::Vector3d& at = fit.frame_from_hole.translation_mm;
   const Eigen::Vector3d normal = fit.frame_from_hole.rotation * Eigen::Vector3d::UnitZ();
   return {{"type", edge::name_of(fit.nominal.kind)},
@@ -36,7 +43,8 @@ ordered_json nominal_json(const edge::NominalFit& fit) {
           {"rms_u_mm", fit.rms_u_mm},
           {"rms_v_mm", fit.rms_v_mm},
           {"sigma0", fit.sigma0},
-          {"redundancy", fit.redundancy}};
+          {"redundancy", fit.redundancy},
+          {"left_out", left_out}};
 }
 
 /// Who saw a point.
