@@ -20,6 +20,7 @@ constexpr int kRounds = 20;                   // of judgement
 constexpr double kFar = 3.29;                 // sigmas: one point of a thousand
 constexpr double kBeside = 1.96;              // of a point beside a stretch
 constexpr double kChance = 0.001;
+constexpr double kTogether = 2.0;     // points of a form that deviate together, on average: they count as one
 constexpr std::size_t kShortest = 2;  // points of a stretch
 
 /// Distances in the surface across the rim, without what the points share. Not a number beyond the end of an open nominal.
@@ -166,7 +167,7 @@ double significance(const PartFit& without, const PartFit& with, std::size_t n) 
   if (!(rows > 0.0 && redundancy > 0.0)) return 0.0;
   const double choices = kMostForeign * static_cast<double>(n) * static_cast<double>(n);  // first points times lengths
   const double ratio = (with.square_sum - without.square_sum) / rows / (without.square_sum / redundancy);
-  return ratio / math::f_quantile(1.0 - kChance / choices, rows, redundancy);
+  return ratio / math::f_quantile(1.0 - kChance / choices, rows / kTogether, redundancy / kTogether);
 }
 
 /// Those that chance does not explain; the least of the others goes back first.
