@@ -62,6 +62,7 @@ Result<StepOutcome> edge_step(const EdgeTask& task, const fs::path& out, Session
   station.edges = {&scan->edges[0], &scan->edges[1]};
   station.depth_mm = &scan->depth_mm;
   station.sigma_mm = &scan->sigma_mm;
+  station.off_curve = scan->off_curve;
   auto hole = edge::find_hole_edge(std::span(&station, 1), task.options, {}, session.progress());
   if (!hole) return base::fail(std::move(hole));
   hole->curve.frame = "rig";

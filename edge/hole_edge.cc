@@ -404,9 +404,10 @@ base::Warning warning_of(const CameraMiss& miss, std::span<const StationView> st
   return {
       "cameras_miss", view.name,
       fmt::format(
-          "the cameras see the rim {:.2f} px apart across the epipolar lines (sigma {:.2f}, from {} places): its points lie "
+          "the cameras see the rim {:.2f} px apart across the epipolar lines (sigma {:.2f}, from {}): its points lie "
           "half way, and their shared part holds the other half; the head's calibration is off by that much",
-          std::abs(miss.angle_rad) * focal_px, miss.sigma_rad * focal_px, miss.cells)};
+          std::abs(miss.angle_rad) * focal_px, miss.sigma_rad * focal_px,
+          miss.places > 0 ? fmt::format("texture of {} places about it", miss.places) : fmt::format("{} places", miss.cells))};
 }
 
 /// Why there is nothing between two places of the rim.
@@ -489,7 +490,8 @@ Result<HoleEdge> find_hole_edge(std::span<const StationView> stations, const Hol
   const bool far_side = detail::take_one_side(*cells, rim) > 0;
   if (far_side) cells = detail::cells_of(rim, face, options.cell_mm, detail::ChamferSide::kFar);
   if (!cells) return tl::unexpected(cells.error());
-  const std::vector<CameraMiss> misses = detail::camera_misses(*cells);
+  std::vector<CameraMiss> misses = detail::camera_misses(*cells);
+  detail::take_from_texture(misses, stations, rim);
   for (const CameraMiss& miss : misses) result.warnings.push_back(warning_of(miss, stations));
   if (!misses.empty()) {
     detail::meet_half_way(misses, rim);
