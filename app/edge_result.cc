@@ -175,7 +175,10 @@ std::string edge_summary(const edge::HoleEdge& hole, const std::optional<edge::N
   said += fmt::format("; {}", edge::name_of(fit->nominal.kind));
   for (std::size_t i = 0; i < fit->nominal.size_mm.size(); ++i)
     said += fmt::format(" {:.3f} mm (sigma {:.3f})", fit->nominal.size_mm[i], fit->size_sigma_mm(i));
-  return said + fmt::format(", rms {:.3f} mm", fit->rms_mm);
+  said += fmt::format(", rms {:.3f} mm", fit->rms_mm);
+  double left_out_mm = 0.0;
+  for (const edge::ForeignStretch& stretch : fit->left_out) left_out_mm += stretch.length_mm;
+  return fit->left_out.empty() ? said : said + fmt::format(", {:.1f} mm of the rim left out", left_out_mm);
 }
 
 }  // namespace crosstie::app
