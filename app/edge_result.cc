@@ -26,6 +26,13 @@ ordered_json nominal_json(const edge::NominalFit& fit) {
     sizes[names[i] + "_mm"] = fit.nominal.size_mm[i];
     sigmas.push_back(fit.size_sigma_mm(i));
   }
+  ordered_json left_out = ordered_json::array();
+  for (const edge::ForeignStretch& stretch : fit.left_out) {
+    left_out.push_back({{"from_mm", stretch.from_mm},
+                        {"length_mm", stretch.length_mm},
+                        {"points", stretch.points.size()},
+                        {"most_u_mm", stretch.most_u_mm}});
+  }
   const Eigen::Vector3d& at = fit.frame_from_hole.translation_mm;
   const Eigen::Vector3d normal = fit.frame_from_hole.rotation * Eigen::Vector3d::UnitZ();
   return {{"type", edge::name_of(fit.nominal.kind)},
@@ -36,7 +43,8 @@ ordered_json nominal_json(const edge::NominalFit& fit) {
           {"rms_u_mm", fit.rms_u_mm},
           {"rms_v_mm", fit.rms_v_mm},
           {"sigma0", fit.sigma0},
-          {"redundancy", fit.redundancy}};
+          {"redundancy", fit.redundancy},
+          {"left_out", left_out}};
 }
 
 /// Who saw a point.
@@ -167,7 +175,10 @@ std::string edge_summary(const edge::HoleEdge& hole, const std::optional<edge::N
   said += fmt::format("; {}", edge::name_of(fit->nominal.kind));
   for (std::size_t i = 0; i < fit->nominal.size_mm.size(); ++i)
     said += fmt::format(" {:.3f} mm (sigma {:.3f})", fit->nominal.size_mm[i], fit->size_sigma_mm(i));
-  return said + fmt::format(", rms {:.3f} mm", fit->rms_mm);
+  said += fmt::format(", rms {:.3f} mm", fit->rms_mm);
+  double left_out_mm = 0.0;
+  for (const edge::ForeignStretch& stretch : fit->left_out) left_out_mm += stretch.length_mm;
+  return fit->left_out.empty() ? said : said + fmt::format(", {:.1f} mm of the rim left out", left_out_mm);
 }
 
 }  // namespace crosstie::app

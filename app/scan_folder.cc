@@ -65,6 +65,22 @@ Result<base::ImageInfo> size_of(const nlohmann::ordered_json& result, const fs::
   return base::ImageInfo{static_cast<int>(width), static_cast<int>(height), 8};
 }
 
+/// Places of the test of the head.
+Result<std::vector<base::HeadTest::Place>> places_of(const nlohmann::ordered_json& result, const fs::path& path) {
+  std::vector<base::HeadTest::Place> places;
+  const auto test = result.find("head_test");
+  if (test == result.end() || !test->is_object() || !test->contains("places")) return places;
+  for (const auto& row : (*test)["places"]) {
+    const bool is_good = row.is_array() && row.size() == 4 &&
+                         std::all_of(row.begin(), row.end(), [](const auto& one) { return one.is_number(); });
+    if (!is_good || !(row[3].get<double>() > 0.0))
+      return fail(ErrorCode::kBadInput,
+                  path.string() + ": head_test.places holds rows of column, row, off_px, sigma_px; scan again");
+    places.push_back({{row[0].get<double>(), row[1].get<double>()}, row[2].get<double>(), row[3].get<double>()});
+  }
+  return places;
+}
+
 }  // namespace
 
 Result<ScanFolder> read_scan_folder(const fs::path& folder, const std::string& head_text) {
@@ -88,7 +104,15 @@ Result<ScanFolder> read_scan_folder(const fs::path& folder, const std::string& h
     return fail(head.error().code, fmt::format("{} (the head of {}; --rig names it where it lies elsewhere)",
                                                head.error().message, folder.string()));
   }
-  ScanFolder scan{.head = std::move(head->head), .edges = {}, .depth_mm = {}, .sigma_mm = {}, .files = std::move(head->files)};
+  ScanFolder scan{.head = std::move(head->head),
+                  .edges = {},
+                  .depth_mm = {},
+                  .sigma_mm = {},
+                  .off_curve = {},
+                  .files = std::move(head->files)};
+  auto places = places_of(*result, result_path);
+  if (!places) return fail(std::move(places));
+  scan.off_curve = *std::move(places);
   if (auto ok = read_depths(folder / "cloud.ply", size->width, size->height, scan); !ok) return fail(std::move(ok));
   auto edges = base::read_edge_pixels(folder / "edge_pixels.csv");
   if (!edges) return fail(std::move(edges));

@@ -8,6 +8,7 @@
 #include "base/edge_pixels.h"
 #include "base/machine.h"
 #include "base/result.h"
+#include "base/scan_summary.h"
 
 namespace crosstie::app {
 
@@ -17,6 +18,8 @@ struct ScanFolder {
   std::array<base::EdgePixels, 2> edges;  ///< left, right
   std::vector<float> depth_mm;            ///< of each left pixel, not a number where there is none
   std::vector<float> sigma_mm;            ///< along the ray
+  std::vector<base::HeadTest::Place>
+      off_curve;  ///< places of the scan's test of its head; none in scans that did not keep them
   std::vector<std::filesystem::path> files;
 };
 

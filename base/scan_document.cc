@@ -36,6 +36,9 @@ Json head_test_json(const HeadTest& test) {
                              {"off_px", term.off_px},
                              {"explained", term.explained}});
   }
+  json["places"] = Json::array();
+  for (const HeadTest::Place& place : test.places)
+    json["places"].push_back({place.left_px.x(), place.left_px.y(), place.off_px, place.sigma_px});
   return json;
 }
 

@@ -63,6 +63,13 @@ struct HeadTest {
     double explained = 0.0;        ///< share of the sum of squares, 0..1
   };
   std::vector<Term> terms;
+  /// A place of the left image whose image in the right one lies this far off its epipolar curve, positive downwards in rectified images.
+  struct Place {
+    Eigen::Vector2d left_px = Eigen::Vector2d::Zero();
+    double off_px = 0.0;
+    double sigma_px = 0.0;
+  };
+  std::vector<Place> places;  ///< those samples that were counted
 
   [[nodiscard]] bool done() const { return !source.empty(); }
 };

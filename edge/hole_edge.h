@@ -15,6 +15,7 @@
 #include "base/pose.h"
 #include "base/progress.h"
 #include "base/result.h"
+#include "base/scan_summary.h"
 #include "edge/nominal.h"
 
 namespace crosstie::edge {
@@ -28,6 +29,8 @@ struct StationView {
   const std::vector<float>* sigma_mm = nullptr;  ///< of it, along the ray, of the cameras' noise
   base::Pose frame_from_rig = {};
   base::Matrix6d frame_from_rig_cov = base::Matrix6d::Zero();
+  /// How far the cameras miss each other across the epipolar lines, as the scan saw it. Empty: not known, a rim tells it by itself.
+  std::vector<base::HeadTest::Place> off_curve = {};
 };
 
 /// What the stations share where it is known together, as stitch leaves it.
@@ -119,7 +122,7 @@ struct HoleEdge {
 /// measurement), cameras and stations are fused by their sigmas, after those went that contradict their neighbours' smooth line. Its normal
 /// is that of a wider surface, fitted once for each station that saw it.
 /// Of a chamfer that is not seen everywhere from both sides one side is the rim (detail/chamfer_side.h). Where the cameras of a station see the rim
-/// apart across the epipolar lines, they are met half way, the other half is a shared part, and a warning `cameras_miss` says so
+/// apart across the epipolar lines, they are met half way by what the scan's texture tells, else by the rim itself, the other half is a shared part, and a warning `cameras_miss` says so
 /// (detail/camera_miss.h). Edges that were classed as paint count where the surface's depths do not go on beyond them.
 /// Covariance: across the rim of the images and of the surface's slope, along the normal of the surface's fit; what calibration and poses
 /// add is shared by all points of a station and stands in EdgeCurve::shared_mm.

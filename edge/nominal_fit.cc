@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "edge/detail/foreign_stretch.h"
 #include "edge/detail/nominal_problem.h"
 #include "edge/detail/nominal_start.h"
 #include "math/distributions.h"
@@ -83,6 +84,8 @@ struct Solved {
   int iterations = 0;
 };
 
+long redundancy_of(const Solved& solved) { return solved.normals.rows - static_cast<long>(solved.free.size()); }
+
 /// Sigma of the turn about the normal; infinite where nothing determines it.
 double turn_sigma(const Eigen::MatrixXd& matrix) {
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(matrix);
@@ -121,6 +124,28 @@ Result<Solved> best_of(const EdgeCurve& edge, const std::vector<NominalStart>& s
     if (i == 0 || (one && (!best || one->normals.square_sum < best->normals.square_sum))) best = std::move(one);
   }
   return best;
+}
+
+/// Whether the points deviate from the nominal by more than noise does.
+bool deviates(double square_sum, long redundancy) {
+  return redundancy > 0 && square_sum > math::chi_square_quantile(kFormProbability, static_cast<double>(redundancy));
+}
+
+/// The fit without the stretches that do not belong to the nominal; nothing where there are none.
+std::optional<Solved> solve_without_stretches(const EdgeCurve& edge, const Solved& solved, bool fit_size,
+                                              std::vector<ForeignStretch>& left_out) {
+  const NominalStart start{solved.nominal, solved.state.frame_from_hole, 0.0};
+  const auto fit_part = [&](const EdgeCurve& part) -> std::optional<detail::PartFit> {
+    auto fitted = solve_from(part, start, fit_size, solved.turn_is_held);
+    if (!fitted) return std::nullopt;
+    return detail::PartFit{std::move(fitted->state), fitted->normals.square_sum, redundancy_of(*fitted)};
+  };
+  auto split = detail::without_foreign_stretches(edge, solved.nominal, fit_part);
+  if (!split) return std::nullopt;
+  auto rest = solve_from(detail::part_of(edge, split->keep), start, fit_size, solved.turn_is_held);
+  if (!rest) return std::nullopt;
+  left_out = std::move(split->stretches);
+  return *std::move(rest);
 }
 
 /// Inverse of the normal matrix over the free unknowns, [pose, sizes], the shared causes eliminated.
@@ -170,25 +195,44 @@ void face_head(const EdgeCurve& edge, NominalFit& fit) {
   std::reverse(fit.nominal.points_mm.begin(), fit.nominal.points_mm.end());
 }
 
+/// Root mean squares of the points that were fitted.
+void add_rms(NominalFit& fit) {
+  Eigen::Vector2d squares = Eigen::Vector2d::Zero();
+  double count = 0.0;
+  for (std::size_t k = 0; k < fit.deviations.points.size(); ++k) {
+    const auto holds = [&](const ForeignStretch& stretch) {
+      return std::find(stretch.points.begin(), stretch.points.end(), fit.deviations.points[k]) != stretch.points.end();
+    };
+    if (std::any_of(fit.left_out.begin(), fit.left_out.end(), holds)) continue;
+    squares += fit.deviations.uv_mm.col(static_cast<Eigen::Index>(k)).cwiseAbs2();
+    count += 1.0;
+  }
+  squares /= std::max(1.0, count);
+  fit.rms_u_mm = std::sqrt(squares(0));
+  fit.rms_v_mm = std::sqrt(squares(1));
+  fit.rms_mm = std::sqrt(squares.sum());
+}
+
 void describe(NominalFit& fit) {
-  const auto n = static_cast<double>(std::max<Eigen::Index>(1, fit.deviations.uv_mm.cols()));
-  fit.rms_u_mm = fit.deviations.uv_mm.row(0).norm() / std::sqrt(n);
-  fit.rms_v_mm = fit.deviations.uv_mm.row(1).norm() / std::sqrt(n);
-  fit.rms_mm = fit.deviations.uv_mm.norm() / std::sqrt(n);
+  add_rms(fit);
+  for (const ForeignStretch& stretch : fit.left_out) {
+    fit.warnings.push_back(
+        {"stretch_left_out", std::string(name_of(fit.nominal.kind)),
+         fmt::format(
+             "from {:.1f} to {:.1f} mm along the rim {} points lie up to u = {:+.3f} mm off the nominal that the others "
+             "follow to {:.3f} mm rms: a break-out, spatter or another edge; they are not in the fit",
+             stretch.from_mm, stretch.from_mm + stretch.length_mm, stretch.points.size(), stretch.most_u_mm, fit.rms_u_mm)});
+  }
   if (fit.turn_is_held) {
     fit.warnings.push_back({"turn_held", std::string(name_of(fit.nominal.kind)),
                             "nothing determines how the hole is turned about its normal; it is left as it was found"});
   }
-  if (fit.redundancy > 0) {
-    const auto dof = static_cast<double>(fit.redundancy);
-    const double limit = std::sqrt(math::chi_square_quantile(kFormProbability, dof) / dof);
-    if (fit.sigma0 > limit) {
-      fit.warnings.push_back(
-          {"form", std::string(name_of(fit.nominal.kind)),
-           fmt::format("the rim deviates from its nominal by {:.3f} mm rms, {:.1f} times what its sigmas explain: "
-                       "the hole has a form of its own, and the sigmas of its place speak of the measurement alone",
-                       fit.rms_mm, fit.sigma0)});
-    }
+  if (deviates(fit.sigma0 * fit.sigma0 * static_cast<double>(fit.redundancy), fit.redundancy)) {
+    fit.warnings.push_back(
+        {"form", std::string(name_of(fit.nominal.kind)),
+         fmt::format("the rim deviates from its nominal by {:.3f} mm rms, {:.1f} times what its sigmas explain: "
+                     "the hole has a form of its own, and the sigmas of its place speak of the measurement alone",
+                     fit.rms_mm, fit.sigma0)});
   }
 }
 
@@ -256,14 +300,13 @@ Result<NominalFit> fit_nominal(const EdgeCurve& edge, const Nominal& nominal, co
   }
   auto solved = best_of(edge, starts, fit_size);
   if (!solved) return fail(std::move(solved));
-  const long redundancy = solved->normals.rows - static_cast<long>(solved->free.size());
+  long redundancy = redundancy_of(*solved);
   if (redundancy < 0) {
     return fail(ErrorCode::kNoUniqueSolution, fmt::format("{} points of the rim do not determine {} unknowns of a nominal {}",
                                                           edge.points.size(), solved->free.size(), name_of(nominal.kind)));
   }
   if (has_handedness(nominal)) {
-    const double limit = math::chi_square_quantile(kFormProbability, static_cast<double>(std::max<long>(1, redundancy)));
-    if (solved->normals.square_sum > limit) {
+    if (deviates(solved->normals.square_sum, redundancy)) {
       const auto other = best_of(edge, detail::nominal_starts(edge, mirrored(nominal)), fit_size);
       if (other && other->normals.square_sum * kMirrorGain < solved->normals.square_sum) {
         const auto rms = [&](const Solved& s) { return std::sqrt(s.normals.square_sum / static_cast<double>(s.normals.rows)); };
@@ -275,9 +318,15 @@ Result<NominalFit> fit_nominal(const EdgeCurve& edge, const Nominal& nominal, co
       }
     }
   }
+  NominalFit fit;
+  if (options.leave_out_stretches && deviates(solved->normals.square_sum, redundancy)) {
+    if (auto rest = solve_without_stretches(edge, *solved, fit_size, fit.left_out)) {
+      solved = *std::move(rest);
+      redundancy = redundancy_of(*solved);
+    }
+  }
   const auto cofactor = cofactors(edge, *solved, fit_size);
   if (!cofactor) return tl::unexpected(cofactor.error());
-  NominalFit fit;
   fit.nominal = solved->nominal;
   fit.frame_from_hole = solved->state.frame_from_hole;
   fit.covariance = covariance_of(*solved, *cofactor);

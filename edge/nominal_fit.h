@@ -35,6 +35,16 @@ struct NominalFitOptions {
   std::optional<base::Pose> frame_from_hole = std::nullopt;
   /// False: the sizes stay as they are given. Sizes that are not given are always estimated.
   bool fit_size = true;
+  /// Stretches of the rim that do not belong to the nominal are left out of the fit, a quarter of the points at most, and reported.
+  bool leave_out_stretches = true;
+};
+
+/// A stretch of a rim that is not part of the nominal which the rest of it follows: a break-out, spatter, another edge.
+struct ForeignStretch {
+  double from_mm = 0.0;  ///< arc length of its first point along the rim
+  double length_mm = 0.0;
+  std::vector<std::size_t> points = {};  ///< indices into the rim, in order
+  double most_u_mm = 0.0;                ///< the largest of their distances, with its sign: see EdgeDeviations
 };
 
 struct NominalFit {
@@ -44,8 +54,9 @@ struct NominalFit {
   /// point has alone and what they share. A turn about the normal that nothing determines is held and adds nothing.
   Eigen::MatrixXd covariance;
   bool turn_is_held = false;
-  EdgeDeviations deviations;  ///< after the fit
-  double rms_mm = 0.0;        ///< of the distances
+  EdgeDeviations deviations;  ///< after the fit, of all points
+  std::vector<ForeignStretch> left_out = {};
+  double rms_mm = 0.0;  ///< of the distances of the points that were fitted
   double rms_u_mm = 0.0;
   double rms_v_mm = 0.0;
   double sigma0 = 0.0;  ///< sqrt(v'Pv / redundancy), without unit: above 1 the hole's form deviates by more than noise
@@ -61,12 +72,14 @@ struct NominalFit {
 /// C_i of each point alone, S_i z what all share with z of unit variance (generalised least squares of the full covariance, since z
 /// is eliminated with its prior). Levenberg-Marquardt from starts of its own: the plane of the points, extents or a circle for the
 /// sizes, and turns about the normal in steps of ten degrees; the best three are followed.
+/// Where the rim then deviates by more than noise, stretches that do not belong to the nominal are looked for (least trimmed squares,
+/// detail/foreign_stretch.h) and left out.
 ///
 /// Errors: kBadInput as NominalCurve::make; for a nominal that fits only as its mirror image (where that differs from itself, and,
 /// of a list, with normals; else a flat list turned round looks the same), or that is too large or too small by the ratio of two
 /// units; for points without a covariance or normals.
 /// kNoUniqueSolution for too few points and for an arc that does not determine the unknowns, naming the weakest.
-/// Warnings: turn_held; form: sigma0 beyond its 99.9 % limit, so the covariance speaks of the measurement and not of the form.
+/// Warnings: turn_held; stretch_left_out, one for each; form: sigma0 beyond its 99.9 % limit, so the covariance speaks of the measurement and not of the form.
 base::Result<NominalFit> fit_nominal(const base::EdgeCurve& edge, const Nominal& nominal,
                                      const NominalFitOptions& options = {});
 

@@ -180,6 +180,7 @@ base::HeadTest test_head(const base::Head& head, const std::vector<CurveSample>&
     variance += scale * scale * rows[i].dot(cofactor * rows[i]);
     weighted += weights[i] * off[i] * off[i];
     count += 1.0;
+    test.places.push_back({seen[i].left_px, seen[i].off_px, seen[i].sigma_px});
     for (std::size_t term = 0; term < kTerms; ++term) {
       along[term] += weights[i] * rows[i](static_cast<Eigen::Index>(term)) * off[i];
       length[term] += weights[i] * std::pow(rows[i](static_cast<Eigen::Index>(term)), 2);

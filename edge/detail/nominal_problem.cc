@@ -9,9 +9,7 @@ namespace crosstie::edge::detail {
 namespace {
 
 constexpr int kMaxIterations = 200;
-constexpr double kHardlyDamped = 1e-4;
-constexpr double kHundredthOfSigma = 1e-4;  // squared
-constexpr double kSizeStep_mm = 1e-3;       // of the difference quotients of the outline
+constexpr double kSizeStep_mm = 1e-3;  // of the difference quotients of the outline
 
 /// A point of the rim beside its nearest place.
 struct Beside {
@@ -63,7 +61,7 @@ std::string NominalProblem::name_of_unknown(int unknown) const {
   }
 }
 
-std::optional<NominalProblem::Normals> NominalProblem::normals(const NominalState& state, bool with_matrix) const {
+std::optional<NominalProblem::Normals> NominalProblem::normals(const NominalState& state, bool with_matrix, Roots held) const {
   Nominal nominal = nominal_;
   nominal.size_mm = state.size_mm;
   const auto curve = Curve::make(nominal, false);
@@ -72,6 +70,8 @@ std::optional<NominalProblem::Normals> NominalProblem::normals(const NominalStat
   const Eigen::Index all = fixed + shared_count_;
   Normals result;
   result.square_sum = state.shared.squaredNorm();
+  result.roots = std::move(held);
+  result.roots.resize(edge_.points.size());
   if (with_matrix) {
     result.matrix = Eigen::MatrixXd::Zero(all, all);
     result.right = Eigen::VectorXd::Zero(all);
@@ -87,9 +87,10 @@ std::optional<NominalProblem::Normals> NominalProblem::normals(const NominalStat
     const Beside b = beside(*curve, back * p);
     if (b.beyond) continue;
     const Eigen::Matrix<double, 2, 3> e_turn = b.across.transpose() * turn;
-    const Eigen::LLT<Eigen::Matrix2d> weight(e_turn * edge_.points[i].cov_mm2 * e_turn.transpose());
-    if (weight.info() != Eigen::Success) return std::nullopt;
-    const Eigen::Vector2d residual = weight.matrixL().solve(Eigen::Vector2d(b.across.transpose() * (b.q - b.foot.jet.point)));
+    auto& root = result.roots[i];
+    if (!root) root.emplace(e_turn * edge_.points[i].cov_mm2 * e_turn.transpose());
+    if (root->info() != Eigen::Success) return std::nullopt;
+    const Eigen::Vector2d residual = root->matrixL().solve(Eigen::Vector2d(b.across.transpose() * (b.q - b.foot.jet.point)));
     result.square_sum += residual.squaredNorm();
     result.rows += 2;
     if (!with_matrix) continue;
@@ -113,7 +114,7 @@ std::optional<NominalProblem::Normals> NominalProblem::normals(const NominalStat
       }
     }
     if (shared_count_ > 0) jacobian.rightCols(shared_count_) = -e_turn * edge_.shared_mm.middleRows<3>(row);
-    weight.matrixL().solveInPlace(jacobian);
+    root->matrixL().solveInPlace(jacobian);
     result.matrix.selfadjointView<Eigen::Lower>().rankUpdate(jacobian.transpose());
     result.right -= jacobian.transpose() * residual;
   }
@@ -144,7 +145,6 @@ bool NominalProblem::solve(NominalState& state, Normals& normals, int& iteration
   auto at = this->normals(state, true);
   if (!at) return false;
   double damping = 1e-3;
-  double open = HUGE_VAL;  // what the last step with hardly any damping would have taken off v'Pv
   for (iterations = 0; iterations < kMaxIterations && damping < 1e12; ++iterations) {
     const Eigen::VectorXd scale = at->matrix.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     Eigen::MatrixXd scaled = scale.asDiagonal() * at->matrix * scale.asDiagonal();
@@ -153,8 +153,7 @@ bool NominalProblem::solve(NominalState& state, Normals& normals, int& iteration
     const Eigen::VectorXd scaled_step = scaled.ldlt().solve(right);
     const NominalState next = changed(state, scale.cwiseProduct(scaled_step));
     const double rest = scaled_step.dot(right);  // what the step takes off v'Pv, about
-    if (damping < kHardlyDamped) open = rest;
-    const auto there = this->normals(next, false);
+    const auto there = this->normals(next, false, at->roots);
     if (there && std::isfinite(there->square_sum) && there->square_sum <= at->square_sum * (1.0 + 1e-12)) {
       const double gained = at->square_sum - there->square_sum;
       state = next;
@@ -173,11 +172,7 @@ bool NominalProblem::solve(NominalState& state, Normals& normals, int& iteration
       damping = std::max(1e-6, damping * 10.0);
     }
   }
-  // Weights follow the curve, and the steps do not know it: with points far off their sigmas they do not vanish. By what is left of them the unknowns
-  // would move a hundredth of their sigmas.
-  if (!(open < kHundredthOfSigma)) return false;
-  normals = *std::move(at);
-  return true;
+  return false;
 }
 
 }  // namespace crosstie::edge::detail

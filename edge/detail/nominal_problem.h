@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 #include "base/edge_curve.h"
@@ -24,17 +25,23 @@ class NominalProblem {
  public:
   NominalProblem(const base::EdgeCurve& edge, const Nominal& nominal, bool fit_size, bool hold_turn);
 
+  /// Square roots of the covariances of u and v of the points, where they have been needed.
+  using Roots = std::vector<std::optional<Eigen::LLT<Eigen::Matrix2d>>>;
+
   struct Normals {
     Eigen::MatrixXd matrix;  ///< over the free unknowns, shared causes last
     Eigen::VectorXd right;
     double square_sum = 0.0;
     long rows = 0;
+    Roots roots;
   };
-  /// Nothing where the sizes make no curve. `with_matrix` false: the sum of squares alone.
-  [[nodiscard]] std::optional<Normals> normals(const NominalState& state, bool with_matrix) const;
+  /// Nothing where the sizes make no curve. `with_matrix` false: the sum of squares alone. Which way u and v lie, and so how a point weighs, follows the
+  /// curve; `held` are the roots of another state, with which the two sums of squares compare.
+  [[nodiscard]] std::optional<Normals> normals(const NominalState& state, bool with_matrix, Roots held = {}) const;
   [[nodiscard]] NominalState changed(const NominalState& state, const Eigen::VectorXd& step) const;
 
-  /// Levenberg-Marquardt; false where it does not come to rest. `state` and `normals` are those of its end.
+  /// Levenberg-Marquardt with weights that each step holds and that follow the curve after it, since its derivatives do not know how they change;
+  /// false where it does not come to rest. `state` and `normals` are those of its end.
   bool solve(NominalState& state, Normals& normals, int& iterations) const;
 
   [[nodiscard]] int free_count() const { return static_cast<int>(free_.size()); }  ///< without shared causes

@@ -110,6 +110,7 @@ StationCandidates candidates_of(const StationView& view, int station, const Hole
       const double distance_mm = found->point_mm.norm();
       const auto seen = head.left.project(found->point_in_rig_mm);
       if (!seen || seen->x() < roi[0] || seen->y() < roi[1] || seen->x() > roi[2] || seen->y() > roi[3]) continue;
+      found->left_px = *seen;
       found->angle_rad = std::atan2(seen->y() - middle.y(), seen->x() - middle.x());
       const Eigen::Quaterniond turn = view.frame_from_rig.rotation * rig_from_camera.rotation;
       found->point_mm = view.frame_from_rig * found->point_in_rig_mm;

@@ -26,10 +26,11 @@ struct RimCandidate {
   double surface_sigma_mm = 0.0;                             ///< of the surface, along its normal
   Eigen::Vector2d tilt_sigma_rad = Eigen::Vector2d::Zero();  ///< of the normal's tilts, across the edge and along it
   double band_mm = 0.0;
-  double piece_mm = 0.0;          ///< length of edge behind it
-  double surface_piece_mm = 0.0;  ///< length of edge behind the surface's sigma
-  double depths_mm = 0.0;         ///< length of edge before which the depths lie
-  double angle_rad = 0.0;         ///< in the left image about the middle of the region
+  double piece_mm = 0.0;                              ///< length of edge behind it
+  double surface_piece_mm = 0.0;                      ///< length of edge behind the surface's sigma
+  double depths_mm = 0.0;                             ///< length of edge before which the depths lie
+  Eigen::Vector2d left_px = Eigen::Vector2d::Zero();  ///< where the left camera sees it
+  double angle_rad = 0.0;                             ///< there about the middle of the region
   Eigen::Vector3d point_in_rig_mm = Eigen::Vector3d::Zero();
 };
 

@@ -118,6 +118,58 @@ TEST(HoleEdge, CamerasThatMissEachOtherMeetHalfWay) {
   EXPECT_NEAR(errors.rms_u_mm / std::sqrt(variance / static_cast<double>(found->curve.points.size())), 1.0, 0.3);
 }
 
+TEST(HoleEdge, TextureTellsAMissThatTheRimTellsWrongly) {
+  auto stations = door().stations({}, 12);
+  const auto plain = find_hole_edge(door().views(stations), {});
+  ASSERT_TRUE(plain) << plain.error().message;
+  // The right camera's images lie lower, more so farther down, and below the hole it sees another edge of a chamfer.
+  constexpr double kChamfer_px = 0.4;
+  const double middle_px = 0.5 * door().views(stations)[0].head->left.height_px();
+  const auto lower_px = [&](double row) { return 0.3 + 2e-4 * (row - middle_px); };
+  for (auto& station : stations) {
+    for (base::EdgePixel& edge : station.edges[1].pixels)
+      edge.at_px.y() += lower_px(edge.at_px.y()) + (edge.out.y() < -0.3 ? kChamfer_px : 0.0);
+  }
+  std::vector<StationView> views = door().views(stations);
+  const auto by_rim = find_hole_edge(views, {});
+  ASSERT_TRUE(by_rim) << by_rim.error().message;
+  std::mt19937_64 random(12);
+  std::normal_distribution<double> normal;
+  constexpr double kSigma_px = 0.03;
+  for (StationView& view : views) {
+    for (int row = 40; row < view.head->left.height_px(); row += 100) {
+      for (int column = 40; column < view.head->left.width_px(); column += 100)
+        view.off_curve.push_back({{column, row}, lower_px(row) + kSigma_px * normal(random), kSigma_px});
+    }
+    view.off_curve[7].off_px += 3.0;  // another texture
+  }
+  const auto by_texture = find_hole_edge(views, {});
+  ASSERT_TRUE(by_texture) << by_texture.error().message;
+  ASSERT_FALSE(by_texture->warnings.empty());
+  EXPECT_THAT(by_texture->warnings[0].message, ::testing::HasSubstr("texture"));
+  // Above the hole both cameras see one edge: there the mean distance of theirs tells what is left of the miss.
+  const auto apart_mm = [&](const HoleEdge& edge) {
+    double sum = 0.0, variance = 0.0, count = 0.0;
+    for (std::size_t i = 0; i < edge.points.size(); ++i) {
+      const RimPoint& point = edge.points[i];
+      const auto& station = views[static_cast<std::size_t>(edge.curve.points[i].stations[0])];
+      const base::EdgePoint& place = edge.curve.points[i];
+      const Eigen::Vector3d out = station.frame_from_rig.rotation.inverse() * place.normal.cross(place.tangent);
+      if (out.y() < 0.5 || point.pixels[0] == 0 || point.pixels[1] == 0) continue;
+      sum += point.off_mm[1] - point.off_mm[0];
+      variance += std::pow(point.sigma_mm[0], 2) + std::pow(point.sigma_mm[1], 2);
+      count += 1.0;
+    }
+    EXPECT_GT(count, 10.0);
+    return std::pair(sum / count, std::sqrt(variance) / count);
+  };
+  const auto [plain_mm, sigma_mm] = apart_mm(*plain);  // the same noise
+  const double rim_mm = apart_mm(*by_rim).first;
+  const double texture_mm = apart_mm(*by_texture).first;
+  EXPECT_GT(std::abs(rim_mm - plain_mm), 4.0 * sigma_mm) << "the chamfer below turns what lies above";
+  EXPECT_LT(std::abs(texture_mm - plain_mm), sigma_mm);
+}
+
 TEST(HoleEdge, ABandBesideAFewEdgesIsNotFollowed) {
   constexpr double kBand_px = 2.5;  // 6 mm
   auto stations = door().stations({}, 13);

@@ -1,6 +1,7 @@
 #include "edge/nominal_fit.h"
 
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <random>
 
@@ -202,6 +203,112 @@ TEST(NominalFit, DeviationsAlongTheArcAreThoseThatWerePutIn) {
   const auto fit = fit_nominal(edge, {NominalKind::kEllipse, {900.0, 500.0}});
   ASSERT_TRUE(fit.has_value());
   EXPECT_TRUE(has_warning(*fit, "form")) << "half a millimetre of form is not noise";
+}
+
+/// A circle's points over an arc, moved by `off_mm(u)` away from its middle, u in [0, 1) once round.
+EdgeCurve bent_circle(double diameter_mm, int count, double from, double to, const std::function<double(double)>& off_mm,
+                      std::mt19937_64& random, const RimErrors& errors = {}) {
+  EdgeCurve edge = measured_rim(true_ellipse(diameter_mm, diameter_mm), {}, count, errors, random, 1.0, from, to);
+  for (base::EdgePoint& point : edge.points) {
+    const double u = std::atan2(point.point_mm.y(), point.point_mm.x()) / (2.0 * pi);
+    point.point_mm += off_mm(u - std::floor(u)) * Eigen::Vector3d(point.point_mm.x(), point.point_mm.y(), 0.0).normalized();
+  }
+  return edge;
+}
+
+/// One hump of `high_mm` between two places.
+std::function<double(double)> hump(double from, double to, double high_mm) {
+  return [=](double u) {
+    const double t = (u - from + (u < from - 0.5 ? 1.0 : 0.0)) / (to - from);
+    return t > 0.0 && t < 1.0 ? high_mm * std::sin(pi * t) : 0.0;
+  };
+}
+
+TEST(NominalFit, AStretchThatIsBrokenOutIsLeftOutAndNamed) {
+  std::mt19937_64 random(31);
+  // Half a bore of 62 mm, as scans see it, broken out to 1.4 mm over its last eighth: there it pulls most.
+  const EdgeCurve edge = bent_circle(62.0, 64, 0.0, 0.5, hump(0.43, 0.51, 1.4), random);
+  const auto all = fit_nominal(edge, {NominalKind::kCircle, {}}, {.leave_out_stretches = false});
+  ASSERT_TRUE(all.has_value()) << all.error().message;
+  EXPECT_GT(std::abs(all->nominal.size_mm[0] - 62.0), 0.3) << "what the fit to all points says";
+  const auto fit = fit_nominal(edge, {NominalKind::kCircle, {}});
+  ASSERT_TRUE(fit.has_value()) << fit.error().message;
+  EXPECT_LT(std::abs(fit->nominal.size_mm[0] - 62.0), 3.0 * fit->size_sigma_mm(0));
+  EXPECT_LT(fit->size_sigma_mm(0), 0.03);
+  EXPECT_TRUE(has_warning(*fit, "stretch_left_out"));
+  EXPECT_FALSE(has_warning(*fit, "form")) << "the rest has none";
+  ASSERT_EQ(fit->left_out.size(), 1U);
+  EXPECT_NEAR(fit->left_out[0].from_mm, 0.43 * pi * 62.0, 3.0) << "a point stands for 1.5 mm";
+  EXPECT_NEAR(fit->left_out[0].from_mm + fit->left_out[0].length_mm, 0.5 * pi * 62.0, 3.0);
+  EXPECT_NEAR(fit->left_out[0].most_u_mm, -1.4, 0.1) << "away from the opening";
+  EXPECT_EQ(fit->deviations.points.size(), edge.points.size()) << "what is left out is still shown";
+}
+
+TEST(NominalFit, SigmasAreTrueWhereAStretchWasLeftOut) {
+  // Where a break-out begins some of it stays in the fit, and the sigmas do not know it.
+  constexpr int kSeeds = 40;
+  double squares = 0.0;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    std::mt19937_64 random(static_cast<unsigned>(seed) + 700U);
+    const EdgeCurve edge = bent_circle(62.0, 40, 0.0, 0.5, hump(0.43, 0.51, 1.4), random);
+    const auto fit = fit_nominal(edge, {NominalKind::kCircle, {}});
+    ASSERT_TRUE(fit.has_value()) << fit.error().message;
+    ASSERT_EQ(fit->left_out.size(), 1U) << "seed " << seed;
+    squares += std::pow((fit->nominal.size_mm[0] - 62.0) / fit->size_sigma_mm(0), 2);
+  }
+  EXPECT_NEAR(squares / kSeeds, 1.0, 3.0 * std::sqrt(2.0 / kSeeds));
+}
+
+TEST(NominalFit, StretchesOverTheSeamAndTwoAtOnceAreLeftOut) {
+  std::mt19937_64 random(32);
+  const auto two = [seam = hump(0.96, 1.04, 0.8), spatter = hump(0.4, 0.45, -0.6)](double u) { return seam(u) + spatter(u); };
+  const EdgeCurve edge = bent_circle(500.0, 200, 0.0, 1.0, two, random);
+  const auto fit = fit_nominal(edge, {NominalKind::kCircle, {}});
+  ASSERT_TRUE(fit.has_value()) << fit.error().message;
+  EXPECT_LT(std::abs(fit->nominal.size_mm[0] - 500.0), 3.0 * fit->size_sigma_mm(0));
+  ASSERT_EQ(fit->left_out.size(), 2U);
+  for (const ForeignStretch& stretch : fit->left_out) {
+    const bool at_seam = stretch.from_mm > 0.9 * edge.length_mm;
+    EXPECT_NEAR(stretch.length_mm, (at_seam ? 0.08 : 0.05) * pi * 500.0, 20.0) << "a point stands for 8 mm";
+    EXPECT_NEAR(stretch.most_u_mm, at_seam ? -0.8 : 0.6, 0.1);
+  }
+}
+
+TEST(NominalFit, FormAllRoundAndNoiseLeaveNothingOut) {
+  std::mt19937_64 random(33);
+  // An ellipse is no circle anywhere.
+  const EdgeCurve ellipse = measured_rim(true_ellipse(502.0, 498.0), some_pose(), 120, {}, random);
+  auto fit = fit_nominal(ellipse, {NominalKind::kCircle, {}});
+  ASSERT_TRUE(fit.has_value()) << fit.error().message;
+  EXPECT_TRUE(fit->left_out.empty());
+  EXPECT_TRUE(has_warning(*fit, "form"));
+  // Noise of twice what its sigmas say, over half a rim: all of them are looked at, and by chance one in a thousand loses a stretch.
+  int looked_at = 0;
+  for (int seed = 0; seed < 25; ++seed) {
+    EdgeCurve half = bent_circle(
+        62.0, 30, 0.0, 0.5, [](double) { return 0.0; }, random);
+    for (base::EdgePoint& point : half.points) point.cov_mm2 *= 0.25;
+    fit = fit_nominal(half, {NominalKind::kCircle, {}});
+    ASSERT_TRUE(fit.has_value()) << fit.error().message;
+    looked_at += has_warning(*fit, "form") ? 1 : 0;
+    EXPECT_TRUE(fit->left_out.empty()) << "seed " << seed;
+  }
+  EXPECT_EQ(looked_at, 25);
+}
+
+TEST(NominalFit, ComesToRestWherePointsLieFarOffTheirSigmas) {
+  std::mt19937_64 random(34);
+  // As a hole's edge has them: along the rim a point has no error of its own. Its weight follows the curve's direction then.
+  for (int trial = 0; trial < 20; ++trial) {
+    EdgeCurve edge = bent_circle(62.0, 30, 0.0, 0.5, hump(0.40, 0.52, 1.4 + 0.1 * trial), random);
+    for (base::EdgePoint& point : edge.points) {
+      const Eigen::Vector3d across = point.normal.cross(point.tangent);
+      point.cov_mm2 = 4e-4 * across * across.transpose() + 9e-4 * point.normal * point.normal.transpose() +
+                      1e-8 * Eigen::Matrix3d::Identity();
+    }
+    const auto fit = fit_nominal(edge, {NominalKind::kCircle, {}}, {.leave_out_stretches = false});
+    EXPECT_TRUE(fit.has_value()) << fit.error().message;
+  }
 }
 
 TEST(NominalFit, AMirroredNominalIsRefused) {
