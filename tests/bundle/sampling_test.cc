@@ -8,8 +8,8 @@
 #include "bundle/adjust.h"
 #include "math/distributions.h"
 #include "math/rigid_alignment.h"
-#include "tests/bundle/seeds.h"
 #include "tests/bundle/normalised_square.h"
+#include "tests/bundle/seeds.h"
 #include "tests/bundle/synthetic_network.h"
 
 namespace crosstie::bundle {
