@@ -129,18 +129,19 @@ struct Decoded {
   std::array<base::Image, 2> for_markers;
 };
 
-/// Image by image, both cameras' at once; then what needs all images, one camera after the other, since it takes memory.
+/// Image by image, and then what needs all of them, both cameras' at once. The first camera's progress is that of both.
 Result<Decoded> decode_cameras(const ScanTask& task, const base::PatternSequence& sequence, const base::Progress& progress) {
   std::array<Camera, 2> cameras;
+  const base::Progress silent{{}, progress.stop};
   for (std::size_t i = 0; i < sequence.patterns.size(); ++i) {
     progress("images", i, sequence.patterns.size());
-    auto added = base::parallel_for(2, task.decode.threads, "images", {{}, progress.stop},
+    auto added = base::parallel_for(2, task.decode.threads, "images", silent,
                                     [&](std::size_t camera) { return add_image(task, sequence, i, camera, cameras[camera]); });
     if (!added) return base::fail(std::move(added));
   }
   Decoded result;
-  for (std::size_t c = 0; c < 2; ++c) {
-    auto map = cameras[c].decoder->finish(progress);
+  const auto done = base::parallel_for(2, task.decode.threads, "phases", silent, [&](std::size_t c) -> Result<> {
+    auto map = cameras[c].decoder->finish(c == 0 ? progress : silent);
     if (!map && map.error().code == ErrorCode::kBadInput)
       return base::fail(ErrorCode::kBadInput,
                         fmt::format("{}: {}", (c == 0 ? task.left : task.right).string(), map.error().message));
@@ -148,7 +149,9 @@ Result<Decoded> decode_cameras(const ScanTask& task, const base::PatternSequence
     cameras[c].decoder.reset();
     result.maps[c] = *std::move(map);
     if (task.markers) result.for_markers[c] = marker_image(cameras[c].white, result.maps[c], cameras[c].white_level);
-  }
+    return {};
+  });
+  if (!done) return tl::unexpected(done.error());
   return result;
 }
 

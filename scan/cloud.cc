@@ -81,7 +81,7 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
 
   std::vector<Eigen::Vector3f> normals(depths.depth_mm.size(), Eigen::Vector3f::Zero());
   std::vector<char> keep(depths.depth_mm.size(), 0);
-  std::vector<std::array<std::int64_t, 2>> left_out(static_cast<std::size_t>(height), {0, 0});
+  std::vector<std::array<std::int64_t, 2>> left_out(detail::band_count(height), {0, 0});
   std::vector<float> x_all(depths.depth_mm.size()), y_all(depths.depth_mm.size());
   auto done =
       base::parallel_for(static_cast<std::size_t>(height), options.threads, "rays", progress, [&](std::size_t y) -> Result<> {
@@ -89,41 +89,49 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
         return {};
       });
   if (!done) return fail(std::move(done));
-  const auto on_surface = [&](std::size_t at) -> Eigen::Vector3d {
-    return Eigen::Vector3d(x_all[at], y_all[at], 1.0) / static_cast<double>(surface.smooth[at]);
-  };
-  done =
-      base::parallel_for(static_cast<std::size_t>(height), options.threads, "points", progress, [&](std::size_t y) -> Result<> {
-        for (std::size_t x = 0; x < w; ++x) {
-          const std::size_t at = y * w + x;
-          if (!surface.good[at]) continue;
-          const Eigen::Vector3d ray = Eigen::Vector3d(x_all[at], y_all[at], 1.0).normalized();
-          if (surface.averaged[at]) {
-            const double z = depths.depth_mm[at];
-            const double off = std::abs(z * z * static_cast<double>(surface.inverse[at] - surface.smooth[at])) / ray.z();
-            if (off > options.max_surface_sigmas * static_cast<double>(depths.sigma_mm[at])) {
-              ++left_out[y][1];
-              continue;
-            }
-          }
-          // Differences to both sides, or to the one that there is.
-          const std::size_t west = x > 0 && surface.good[at - 1] ? at - 1 : at;
-          const std::size_t east = x + 1 < w && surface.good[at + 1] ? at + 1 : at;
-          const std::size_t north = y > 0 && surface.good[at - w] ? at - w : at;
-          const std::size_t south = y + 1 < static_cast<std::size_t>(height) && surface.good[at + w] ? at + w : at;
-          if (west != east && north != south) {
-            const Eigen::Vector3d normal =
-                (on_surface(south) - on_surface(north)).cross(on_surface(east) - on_surface(west)).normalized();
-            normals[at] = normal.cast<float>();
-            if (surface.averaged[at] && -normal.dot(ray) < std::cos(options.max_grazing_rad)) {
-              ++left_out[y][0];
-              continue;
-            }
-          }
-          keep[at] = 1;
+  const double least_cosine = std::cos(options.max_grazing_rad);
+  done = detail::over_rows(height, options.threads, "points", progress, [&](int first, int last) {
+    auto& [grazing, off_surface] = left_out[detail::band_of(first)];
+    for (std::size_t at = static_cast<std::size_t>(first) * w; at < static_cast<std::size_t>(last) * w; ++at) {
+      if (!surface.good[at]) continue;
+      const double x = x_all[at];
+      const double y = y_all[at];
+      const double length = std::sqrt(1.0 + x * x + y * y);  // of the ray to Z = 1
+      const double smooth = surface.smooth[at];
+      if (surface.averaged[at]) {
+        const double z = depths.depth_mm[at];
+        const double off = std::abs(z * z * (static_cast<double>(surface.inverse[at]) - smooth)) * length;
+        if (off > options.max_surface_sigmas * static_cast<double>(depths.sigma_mm[at])) {
+          ++off_surface;
+          continue;
         }
-        return {};
-      });
+      }
+      // Differences to both sides, or to the one that there is.
+      const std::size_t column = at % w;
+      const std::size_t west = column > 0 && surface.good[at - 1] ? at - 1 : at;
+      const std::size_t east = column + 1 < w && surface.good[at + 1] ? at + 1 : at;
+      const std::size_t north = at >= w && surface.good[at - w] ? at - w : at;
+      const std::size_t south = at + w < surface.good.size() && surface.good[at + w] ? at + w : at;
+      if (west != east && north != south) {
+        // The plane m.P = 1: 1 / Z = m.(x, y, 1).
+        const double x_u = x_all[east] - x_all[west], y_u = y_all[east] - y_all[west];
+        const double x_v = x_all[south] - x_all[north], y_v = y_all[south] - y_all[north];
+        const double s_u = surface.smooth[east] - surface.smooth[west];
+        const double s_v = surface.smooth[south] - surface.smooth[north];
+        const double area = x_u * y_v - y_u * x_v;
+        const double m_x = (s_u * y_v - y_u * s_v) / area;
+        const double m_y = (x_u * s_v - s_u * x_v) / area;
+        const Eigen::Vector3d m(m_x, m_y, smooth - m_x * x - m_y * y);
+        const double norm = m.norm();
+        normals[at] = (m / -norm).cast<float>();
+        if (surface.averaged[at] && smooth < least_cosine * norm * length) {
+          ++grazing;
+          continue;
+        }
+      }
+      keep[at] = 1;
+    }
+  });
   if (!done) return fail(std::move(done));
 
   ScanCloud result;
@@ -142,12 +150,20 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
   if (count == 0) return fail(ErrorCode::kNoUniqueSolution, "no pixel of the left camera has a partner in the right one");
   base::Cloud& cloud = result.cloud;
   cloud.frame = "rig";
-  cloud.points.resize(count);
-  cloud.normals.resize(count);
   const base::PhasePlane& plane = left.x ? *left.x : *left.y;
   const bool both = !depths.epipolar_px.empty();
-  std::vector<double> sigma(count), calibration_mm(calibration.empty() ? 0 : count), light(count), modulation(count),
-      epipolar(both ? count : 0), column(count), row(count);
+  std::vector<double> sigma, calibration_mm, light, modulation, epipolar, column, row;
+  std::vector<std::vector<double>*> columns = {&sigma, &light, &modulation, &column, &row};
+  if (!calibration.empty()) columns.push_back(&calibration_mm);
+  if (both) columns.push_back(&epipolar);
+  // Memory that is touched for the first time takes as long as what is written into it.
+  done = base::parallel_for(columns.size() + 2, options.threads, "memory", {}, [&](std::size_t i) -> Result<> {
+    if (i == 0) cloud.points.resize(count);
+    if (i == 1) cloud.normals.resize(count);
+    if (i > 1) columns[i - 2]->resize(count);
+    return {};
+  });
+  if (!done) return fail(std::move(done));
   result.depth_mm.assign(depths.depth_mm.size(), kNowhere);
   std::vector<double> footprints(detail::band_count(height), 0.0);
   const double focal_px = head.left.focal_px().mean();

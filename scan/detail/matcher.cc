@@ -112,9 +112,11 @@ class Matcher::Table {
 
   /// A right pixel with nearly these coordinates, -1: there is none.
   [[nodiscard]] std::int32_t near(float a, float b) const {
+    constexpr int kReach = 2;
     const int c = column(a);
     const int r = row(b);
-    for (int reach = 0; reach <= 2; ++reach) {
+    if (c < -kReach || c >= columns_ + kReach || r < -kReach || r >= rows_ + kReach) return -1;
+    for (int reach = 0; reach <= kReach; ++reach) {
       for (int dr = -reach; dr <= reach; ++dr) {
         for (int dc = -reach; dc <= reach; ++dc) {
           if (std::max(std::abs(dr), std::abs(dc)) != reach || c + dc < 0 || c + dc >= columns_ || r + dr < 0 ||

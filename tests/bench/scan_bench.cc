@@ -117,7 +117,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// Image by image, both cameras' at once, then what needs all of them, one camera after the other: as `crosstie scan` does it.
+/// Image by image, and then what needs all of them, both cameras' at once: as `crosstie scan` does it.
 template <typename ImageOf>
 std::array<base::PhaseMap, 2> decode(const Wall& wall, const ImageOf& image_of) {
   const auto give_up = [](const base::Error& error) {
@@ -133,11 +133,13 @@ std::array<base::PhaseMap, 2> decode(const Wall& wall, const ImageOf& image_of) 
     if (!added) give_up(added.error());
   }
   std::array<base::PhaseMap, 2> maps;
-  for (std::size_t camera = 0; camera < 2; ++camera) {
+  const auto done = base::parallel_for(2, 0, "phases", {}, [&](std::size_t camera) -> base::Result<> {
     auto map = decoders[camera].finish();
-    if (!map) give_up(map.error());
+    if (!map) return base::fail(std::move(map));
     maps[camera] = *std::move(map);
-  }
+    return {};
+  });
+  if (!done) give_up(done.error());
   return maps;
 }
 
