@@ -188,8 +188,9 @@ std::string points_scene(const std::vector<ShownPoint>& shown, const std::string
     if (!point.xyz_mm.allFinite()) continue;
     places.push_back(point.xyz_mm);
     values.push_back(point.value);
-    points.push_back(fmt::format("{{\"id\":{},\"p\":{},\"axes\":{},\"value\":{},\"about\":{},\"seen\":[]{}}}", json_quoted(point.id),
-                                 triple(point.xyz_mm), point.cov_mm2.isZero(0.0) ? "[]" : axes_list(ellipsoid_axes(point.cov_mm2)),
+    points.push_back(fmt::format("{{\"id\":{},\"p\":{},\"axes\":{},\"value\":{},\"about\":{},\"seen\":[]{}}}",
+                                 json_quoted(point.id), triple(point.xyz_mm),
+                                 point.cov_mm2.isZero(0.0) ? "[]" : axes_list(ellipsoid_axes(point.cov_mm2)),
                                  number(point.value), quoted_list(point.about), point.ring ? ",\"ring\":true" : ""));
   }
   return scene(points, {}, {}, legend, values, magnification, facing_thinnest(places));
