@@ -83,11 +83,10 @@ Result<ScanCloud> make_cloud(const DepthMap& depths, const base::PhaseMap& left,
   std::vector<char> keep(depths.depth_mm.size(), 0);
   std::vector<std::array<std::int64_t, 2>> left_out(detail::band_count(height), {0, 0});
   std::vector<float> x_all(depths.depth_mm.size()), y_all(depths.depth_mm.size());
-  auto done =
-      base::parallel_for(static_cast<std::size_t>(height), options.threads, "rays", progress, [&](std::size_t y) -> Result<> {
-        map->row(static_cast<int>(y), &x_all[y * w], &y_all[y * w]);
-        return {};
-      });
+  auto done = detail::over_rows(height, options.threads, "rays", progress, [&](int first, int last) {
+    for (auto y = static_cast<std::size_t>(first); y < static_cast<std::size_t>(last); ++y)
+      map->row(static_cast<int>(y), &x_all[y * w], &y_all[y * w]);
+  });
   if (!done) return fail(std::move(done));
   const double least_cosine = std::cos(options.max_grazing_rad);
   done = detail::over_rows(height, options.threads, "points", progress, [&](int first, int last) {

@@ -10,7 +10,6 @@
 
 #include <fmt/format.h>
 
-#include "base/parallel.h"
 #include "scan/detail/blur_shift.h"
 #include "scan/detail/fringe_kernel.h"
 #include "scan/detail/fringe_set.h"

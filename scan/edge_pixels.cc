@@ -1,7 +1,6 @@
 #include "scan/edge_pixels.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <span>

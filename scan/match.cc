@@ -1,18 +1,18 @@
 #include "scan/match.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "base/parallel.h"
 #include "math/median.h"
 #include "scan/detail/guard.h"
 #include "scan/detail/matcher.h"
 #include "scan/detail/rectification.h"
 #include "scan/detail/rectified_map.h"
+#include "scan/detail/rows.h"
 
 namespace crosstie::scan {
 namespace {
@@ -24,7 +24,7 @@ using base::PhasePlane;
 using base::Result;
 
 constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
-constexpr int kRowsPerTask = 16;
+
 Result<> check(const PhaseMap& left, const PhaseMap& right, const base::Head& head) {
   for (const auto& [map, camera, name] : {std::tuple{&left, &head.left, "left"}, std::tuple{&right, &head.right, "right"}}) {
     if (map->width != camera->width_px() || map->height != camera->height_px()) {
@@ -85,20 +85,20 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
   target.good = detail::guarded_pixels(right, options.guard_px, options.guard_creases, options.threads);
   target.x_px.resize(right.status.size());
   target.y_px.resize(right.status.size());
-  const auto right_width = static_cast<std::size_t>(right.width);
-  auto done = base::parallel_for(static_cast<std::size_t>(right.height), options.threads, "rays", progress,
-                                 [&](std::size_t y) -> Result<> {
-                                   float* x_px = &target.x_px[y * right_width];
-                                   float* y_px = &target.y_px[y * right_width];
-                                   right_map->row(static_cast<int>(y), x_px, y_px);
-                                   for (std::size_t x = 0; x < right_width; ++x) {
-                                     x_px[x] *= static_cast<float>(focal_px);
-                                     y_px[x] *= static_cast<float>(focal_px);
-                                   }
-                                   return {};
-                                 });
+  auto done = detail::over_rows(right.height, options.threads, "rays", progress, [&](int from, int to) {
+    for (int y = from; y < to; ++y) {
+      float* x_px = &target.x_px[right.at(0, y)];
+      float* y_px = &target.y_px[right.at(0, y)];
+      right_map->row(y, x_px, y_px);
+      for (int x = 0; x < right.width; ++x) {
+        x_px[x] *= static_cast<float>(focal_px);
+        y_px[x] *= static_cast<float>(focal_px);
+        char& good = target.good[right.at(x, y)];
+        good = good && !std::isnan(x_px[x]);
+      }
+    }
+  });
   if (!done) return fail(std::move(done));
-  for (std::size_t i = 0; i < target.good.size(); ++i) target.good[i] = target.good[i] && !std::isnan(target.x_px[i]);
   target.slope = detail::slope_along_curves(target);
   if (!(std::abs(target.slope) > 0.1 * detail::median_slope(*target.first, right.width, right.height))) {
     return fail(
@@ -121,17 +121,15 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
   struct Counts {
     std::int64_t points = 0, guarded = 0, unmatched = 0, off_curve = 0;
   };
-  const auto tasks = static_cast<std::size_t>((left.height + kRowsPerTask - 1) / kRowsPerTask);
-  std::vector<Counts> counts(tasks);
+  std::vector<Counts> counts(detail::band_count(left.height));
   const Eigen::Matrix3d left_from_rectified = frame->rectified_from_left.transpose();
-  done = base::parallel_for(tasks, options.threads, "matches", progress, [&](std::size_t task) -> Result<> {
+  done = detail::over_rows(left.height, options.threads, "matches", progress, [&](int from, int to) {
     std::vector<float> x_row(static_cast<std::size_t>(left.width));
     std::vector<float> y_row(static_cast<std::size_t>(left.width));
     std::vector<detail::LeftPixel> row;
     std::vector<detail::Match> matches;
-    const int from = static_cast<int>(task) * kRowsPerTask;
-    Counts& count = counts[task];
-    for (int y = from; y < std::min(left.height, from + kRowsPerTask); ++y) {
+    Counts& count = counts[detail::band_of(from)];
+    for (int y = from; y < to; ++y) {
       left_map->row(y, x_row.data(), y_row.data());
       row.clear();
       for (int x = 0; x < left.width; ++x) {
@@ -172,7 +170,6 @@ Result<DepthMap> match(const PhaseMap& left, const PhaseMap& right, const base::
         ++count.points;
       }
     }
-    return {};
   });
   if (!done) return fail(std::move(done));
   for (const Counts& count : counts) {

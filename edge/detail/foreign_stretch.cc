@@ -1,7 +1,6 @@
 #include "edge/detail/foreign_stretch.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "math/distributions.h"

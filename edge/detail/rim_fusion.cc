@@ -65,6 +65,12 @@ std::vector<Voice> voices_of(const std::vector<const RimCandidate*>& members, co
   return voices;
 }
 
+double FusedCell::share(const Voice& voice) const {
+  double weights = 0.0;
+  for (const Voice& one : voices) weights += one.weight();
+  return voice.weight() / weights;
+}
+
 FusedCell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, HoleEdge::Counts& counts) {
   const auto contradicts = [&](const Voice& a, const Voice& b) {
     return std::abs(a.off_mm - b.off_mm) > max_w * std::hypot(a.sigma_mm, b.sigma_mm, line.scatter_mm);
@@ -86,7 +92,7 @@ FusedCell fuse(std::vector<Voice> voices, const RimLine& line, double max_w, Hol
   double weights = 0.0;
   std::map<int, Eigen::Vector3d> by_station;
   for (const Voice& voice : voices) {
-    const double weight = 1.0 / (voice.sigma_mm * voice.sigma_mm);
+    const double weight = voice.weight();
     weights += weight;
     cell.point_mm += weight * voice.point_mm;
     cell.normal += weight * voice.normal;

@@ -24,6 +24,8 @@ struct Voice {
   Eigen::Vector2d tilt_sigma_rad = Eigen::Vector2d::Zero();  ///< of the normal's tilts, across the rim and along it
   double slant = 0.0;  ///< by how much a point moves across the rim when its surface moves by one along the normal
   double band_mm = 0.0;
+
+  [[nodiscard]] double weight() const { return 1.0 / (sigma_mm * sigma_mm); }
 };
 
 /// One point of the rim in the making.
@@ -38,6 +40,9 @@ struct FusedCell {
   double slant = 0.0;
   double off_mm = 0.0;
   double disagreement = 1.0;
+
+  /// Of one of its voices in the cell's means.
+  [[nodiscard]] double share(const Voice& voice) const;
 };
 
 /// The members of a cell by station and camera.

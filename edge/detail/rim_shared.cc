@@ -1,7 +1,6 @@
 #include "edge/detail/rim_shared.h"
 
 #include <array>
-#include <cmath>
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
@@ -48,15 +47,13 @@ SharedParts shared_parts(std::vector<FusedCell>& cells, std::span<const StationV
   SharedParts shared{Eigen::MatrixXd::Zero(3 * count, causes.cols()), Eigen::MatrixXd::Zero(2 * count, causes.cols())};
   if (causes.cols() == 0 && head_change.size() == 0) return shared;
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    double weights = 0.0;
-    for (const Voice& voice : cells[i].voices) weights += 1.0 / (voice.sigma_mm * voice.sigma_mm);
     Eigen::Matrix3Xd jacobian = Eigen::Matrix3Xd::Zero(3, parameters.cov.cols());
     Eigen::Matrix<double, 2, Eigen::Dynamic> slopes = Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, parameters.cov.cols());
     const Eigen::Vector3d& normal = cells[i].normal;
     const std::array<Eigen::Vector3d, 2> directions = {cells[i].across, cells[i].across.cross(normal)};
     Eigen::Vector3d moved = Eigen::Vector3d::Zero();
     for (const Voice& voice : cells[i].voices) {
-      const double share = 1.0 / (voice.sigma_mm * voice.sigma_mm) / weights;
+      const double share = cells[i].share(voice);
       const StationView& view = stations[static_cast<std::size_t>(voice.station)];
       const Eigen::Matrix3d turn = view.frame_from_rig.rotation.toRotationMatrix();
       const Eigen::Matrix3Xd by_head = share * turn * math::point_by_head(*view.head, voice.point_in_rig_mm);
@@ -100,13 +97,11 @@ void add_misses(const std::vector<FusedCell>& cells, std::span<const StationView
   shared.tilts_rad.rightCols(added).setZero();
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(i);
-    double weights = 0.0;
-    for (const Voice& voice : cells[i].voices) weights += 1.0 / (voice.sigma_mm * voice.sigma_mm);
     for (const Voice& voice : cells[i].voices) {
       const auto turn = turns.find(voice.station);
       if (turn == turns.end()) continue;
       const StationView& view = stations[static_cast<std::size_t>(voice.station)];
-      const double share = 1.0 / (voice.sigma_mm * voice.sigma_mm) / weights;
+      const double share = cells[i].share(voice);
       const Eigen::Vector3d moved = view.frame_from_rig.rotation * turn->second.cross(voice.point_in_rig_mm);
       const Eigen::Vector3d axis = view.frame_from_rig.rotation * turn->second;
       shared.points_mm.block<3, 1>(3 * row, before + heads.at(view.head)) += share * moved;

@@ -184,9 +184,9 @@ Times best_of(const Wall& wall, int runs) {
   return best;
 }
 
-double peak_rss_mib(int who) {
+double peak_rss_mib() {
   rusage usage = {};
-  getrusage(who, &usage);
+  getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
@@ -197,11 +197,11 @@ double peak_mib(int width, int height, const scan::PatternOptions& options) {
   const pid_t child = fork();
   if (child == 0) {
     const Wall wall(width, height, options);
-    const double before = peak_rss_mib(RUSAGE_SELF);
+    const double before = peak_rss_mib();
     const auto maps = decode(wall, [&](std::size_t camera, std::size_t i) { return wall.image(static_cast<int>(camera), i); });
     const auto depths = scan::match(maps[0], maps[1], wall.head, {});
     const auto cloud = scan::make_cloud(*depths, maps[0], wall.head, {});
-    const double taken = peak_rss_mib(RUSAGE_SELF) - before;
+    const double taken = peak_rss_mib() - before;
     const bool told = cloud && write(ends[1], &taken, sizeof taken) == sizeof taken;
     _exit(told ? 0 : 1);
   }

@@ -99,7 +99,7 @@ Eigen::VectorXd errors(const tests::SyntheticNetwork& truth, const base::Adjuste
 }
 
 void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool scale_is_free) {
-  const int repetitions = tests::seeds(100);
+  const int repetitions = tests::seeds(200);
   double all = 0.0;
   double points = 0.0;
   double poses = 0.0;
