@@ -49,66 +49,77 @@ HWY_INLINE V Bend(const float* plane, VI index, std::int32_t along, std::int32_t
   return hn::IfThenZeroElse(hn::IsNaN(sum), hn::Mul(sum, Number(0.5 / 12.0)));
 }
 
-/// What the coordinate is missing at the place: the left pixel's less the raw plane's, which bends as the smooth one does.
-HWY_INLINE V Missing(const float* raw, const float* smooth, V wanted, VI index, V u, V v, std::int32_t width) {
-  const Cell cell = CellAt(raw, index, width);
+/// A place and the smooth coordinates' slopes there.
+struct Place {
+  VI index;  ///< of a pixel of the image where nothing was found, too
+  V x, y;    ///< of that pixel
+  V u, v, au, av, bu, bv;
+  M found;
+};
+
+HWY_INLINE M Within(V value, double least, double most) {
+  return hn::And(hn::Ge(value, Number(least)), hn::Le(value, Number(most)));
+}
+
+/// By what a plane falls short of its chords at the place, over the pixels round its cell; 0 beside the image's border.
+HWY_INLINE V Sag(const MatchPlanes& planes, const float* smooth, const Place& place) {
+  constexpr int kReach = 4;
+  const DI di;
   const V one = Number(1.0);
-  const V sag = hn::MulAdd(hn::Mul(u, hn::Sub(one, u)), Bend(smooth, index, 1, width),
-                           hn::Mul(hn::Mul(v, hn::Sub(one, v)), Bend(smooth, index, width, 1)));
-  return hn::MulAdd(Number(0.5), sag, hn::Sub(hn::Sub(wanted, cell.first), Rise(cell, u, v)));
+  const M roomy =
+      hn::And(Within(place.x, kReach, planes.width - 1 - kReach), Within(place.y, kReach, planes.height - 1 - kReach));
+  if (hn::AllFalse(D(), roomy)) return hn::Zero(D());
+  const VI middle = hn::Set(di, planes.height / 2 * planes.width + planes.width / 2);  // has room where any pixel has
+  const VI at = hn::IfThenElse(hn::RebindMask(di, roomy), place.index, middle);
+  const V along = hn::Mul(hn::Mul(place.u, hn::Sub(one, place.u)), Bend(smooth, at, 1, planes.width));
+  const V down = hn::Mul(hn::Mul(place.v, hn::Sub(one, place.v)), Bend(smooth, at, planes.width, 1));
+  return hn::IfThenElseZero(roomy, hn::Mul(Number(0.5), hn::Add(along, down)));
+}
+
+/// What the coordinate is missing at the place: the left pixel's less the raw plane's, which bends as the smooth one does.
+HWY_INLINE V Missing(const MatchPlanes& planes, const float* raw, const float* smooth, V wanted, const Place& place) {
+  const Cell cell = CellAt(raw, place.index, planes.width);
+  return hn::Add(hn::Sub(hn::Sub(wanted, cell.first), Rise(cell, place.u, place.v)), Sag(planes, smooth, place));
 }
 
 /// Of the interpolated plane and the left pixel together.
-HWY_INLINE V Variance(const float* sigmas, V own, VI index, V u, V v, std::int32_t width) {
-  const V u1 = hn::Sub(Number(1.0), u);
-  const V v1 = hn::Sub(Number(1.0), v);
-  const V s00 = hn::Mul(hn::Mul(u1, v1), At(sigmas, index));
-  const V s10 = hn::Mul(hn::Mul(u, v1), At(sigmas, Beside(index, 1)));
-  const V s01 = hn::Mul(hn::Mul(u1, v), At(sigmas, Beside(index, width)));
-  const V s11 = hn::Mul(hn::Mul(u, v), At(sigmas, Beside(index, width + 1)));
+HWY_INLINE V Variance(const MatchPlanes& planes, const float* sigmas, V own, const Place& place) {
+  const V u1 = hn::Sub(Number(1.0), place.u);
+  const V v1 = hn::Sub(Number(1.0), place.v);
+  const V s00 = hn::Mul(hn::Mul(u1, v1), At(sigmas, place.index));
+  const V s10 = hn::Mul(hn::Mul(place.u, v1), At(sigmas, Beside(place.index, 1)));
+  const V s01 = hn::Mul(hn::Mul(u1, place.v), At(sigmas, Beside(place.index, planes.width)));
+  const V s11 = hn::Mul(hn::Mul(place.u, place.v), At(sigmas, Beside(place.index, planes.width + 1)));
   V sum = hn::Mul(own, own);
   for (const V s : {s00, s10, s01, s11}) sum = hn::MulAdd(s, s, sum);
   return sum;
 }
 
-/// A place and the smooth coordinates' slopes there.
-struct Place {
-  VI index;
-  V u, v, au, av, bu, bv;
-  M found;
-};
-
 HWY_INLINE Place FindPlace(const MatchPlanes& planes, V a, V b, V column, V row) {
-  constexpr int kSteps = 3;
-  constexpr int kMargin = 4;  // pixels from the image's border that the bend asks for
+  constexpr int kSteps = 8;        // from cell to cell
+  constexpr int kNewtons = 3;      // in each
+  constexpr double kSlack = 1e-3;  // of a cell, beyond which a place is the next one's
   const D d;
   const DI di;
-  const V slack = Number(1e-3);
-  const V most = Number(1.0 + 1e-3);
-  const V last_column = Number(planes.width - 2 - kMargin);
-  const V last_row = Number(planes.height - 2 - kMargin);
-  const auto inside = [&](V x, V y) {
-    return hn::And(hn::And(hn::Ge(x, Number(kMargin)), hn::Le(x, last_column)),
-                   hn::And(hn::Ge(y, Number(kMargin)), hn::Le(y, last_row)));
-  };
+  const auto inside = [&](V x, V y) { return hn::And(Within(x, 0.0, planes.width - 2), Within(y, 0.0, planes.height - 2)); };
   Place place = {};
+  for (V* value : {&place.x, &place.y, &place.u, &place.v, &place.au, &place.av, &place.bu, &place.bv}) *value = hn::Zero(d);
+  place.index = hn::Zero(di);
+  place.found = hn::Lt(place.x, place.x);  // nowhere
   V x = hn::Floor(column);
   V y = hn::Floor(row);
   V u = hn::Sub(column, x);
   V v = hn::Sub(row, y);
   M open = inside(x, y);
-  place.found = hn::Lt(hn::Zero(d), hn::Zero(d));           // none
-  place.index = hn::Set(di, kMargin * (planes.width + 1));  // a place that can be read where there is none
-  for (V* value : {&place.u, &place.v, &place.au, &place.av, &place.bu, &place.bv}) *value = hn::Zero(d);
   for (int step = 0; step < kSteps && !hn::AllFalse(d, open); ++step) {
     const VI whole = hn::Add(hn::Mul(hn::ConvertTo(di, y), hn::Set(di, planes.width)), hn::ConvertTo(di, x));
-    const VI index = hn::IfThenElse(hn::RebindMask(di, open), whole, place.index);
+    const VI index = hn::IfThenElseZero(hn::RebindMask(di, open), whole);
     const Cell cell_a = CellAt(planes.a_smooth, index, planes.width);
     const Cell cell_b = CellAt(planes.b_smooth, index, planes.width);
     const V want_a = hn::Sub(a, cell_a.first);
     const V want_b = hn::Sub(b, cell_b.first);
     V au, av, bu, bv;
-    for (int newton = 0; newton < 3; ++newton) {
+    for (int newton = 0; newton < kNewtons; ++newton) {
       au = SlopeU(cell_a, v);
       av = SlopeV(cell_a, u);
       bu = SlopeU(cell_b, v);
@@ -119,15 +130,17 @@ HWY_INLINE Place FindPlace(const MatchPlanes& planes, V a, V b, V column, V row)
       u = hn::MulAdd(Cross(ra, av, rb, bv), inverse, u);
       v = hn::MulAdd(Cross(au, ra, bu, rb), inverse, v);
     }
-    const M met = hn::And(open, hn::And(hn::And(hn::Ge(hn::Add(u, slack), hn::Zero(d)), hn::Le(u, most)),
-                                        hn::And(hn::Ge(hn::Add(v, slack), hn::Zero(d)), hn::Le(v, most))));
+    const M met = hn::And(open, hn::And(Within(u, -kSlack, 1.0 + kSlack), Within(v, -kSlack, 1.0 + kSlack)));
+    const auto keep = [&](V now, V& kept) { kept = hn::IfThenElse(met, now, kept); };
     place.index = hn::IfThenElse(hn::RebindMask(di, met), index, place.index);
-    place.u = hn::IfThenElse(met, u, place.u);
-    place.v = hn::IfThenElse(met, v, place.v);
-    place.au = hn::IfThenElse(met, au, place.au);
-    place.av = hn::IfThenElse(met, av, place.av);
-    place.bu = hn::IfThenElse(met, bu, place.bu);
-    place.bv = hn::IfThenElse(met, bv, place.bv);
+    keep(x, place.x);
+    keep(y, place.y);
+    keep(u, place.u);
+    keep(v, place.v);
+    keep(au, place.au);
+    keep(av, place.av);
+    keep(bu, place.bu);
+    keep(bv, place.bv);
     place.found = hn::Or(place.found, met);
     const V move_x = hn::Floor(u);
     const V move_y = hn::Floor(v);
@@ -150,6 +163,15 @@ HWY_INLINE void MatchLanes(const MatchPlanes& planes, MatchBatch& batch, std::si
   const V curve = load(batch.curve_px);
   const std::int32_t width = planes.width;
   const Place place = FindPlace(planes, a, b, load(batch.column), load(batch.row));
+  const auto store_found = [&](M found) {
+    const hn::Rebind<std::uint8_t, D> bytes;
+    const V told = hn::IfThenElseZero(found, Number(1.0));
+    hn::StoreU(hn::DemoteTo(bytes, hn::ConvertTo(di, told)), bytes, batch.found.data() + i);
+  };
+  if (hn::AllFalse(d, place.found)) {
+    store_found(place.found);
+    return;
+  }
   const V u = place.u;
   const V v = place.v;
   const Cell cell_x = CellAt(planes.x_px, place.index, width);
@@ -160,15 +182,15 @@ HWY_INLINE void MatchLanes(const MatchPlanes& planes, MatchBatch& batch, std::si
   const V expected = hn::Set(d, planes.slope);
   M found = hn::And(place.found, hn::Gt(hn::Abs(area), Number(1e-6)));
   found = hn::And(found, hn::Ge(hn::Mul(slope, expected), hn::Mul(hn::Mul(expected, expected), hn::Set(d, planes.min_slope))));
-  const V missing_a = Missing(planes.a_raw, planes.a_smooth, a, place.index, u, v, width);
-  const V variance_a = Variance(planes.a_sigma, load(batch.a_sigma), place.index, u, v, width);
+  const V missing_a = Missing(planes, planes.a_raw, planes.a_smooth, a, place);
+  const V variance_a = Variance(planes, planes.a_sigma, load(batch.a_sigma), place);
   V beside = Rise(cell_x, u, v);
   V sigma = hn::Div(hn::Sqrt(variance_a), hn::Abs(slope));
   if (planes.b_raw == nullptr) {
     beside = hn::Add(beside, hn::Div(missing_a, slope));
   } else {
-    const V missing_b = Missing(planes.b_raw, planes.b_smooth, b, place.index, u, v, width);
-    const V variance_b = Variance(planes.b_sigma, load(batch.b_sigma), place.index, u, v, width);
+    const V missing_b = Missing(planes, planes.b_raw, planes.b_smooth, b, place);
+    const V variance_b = Variance(planes, planes.b_sigma, load(batch.b_sigma), place);
     // d (x, y) / d (a, b)
     const V determinant = Cross(place.au, place.av, place.bu, place.bv);
     found = hn::And(found, hn::Gt(hn::Abs(determinant), Number(1e-12)));
@@ -192,23 +214,16 @@ HWY_INLINE void MatchLanes(const MatchPlanes& planes, MatchBatch& batch, std::si
     store(off, batch.off_px);
     store(hn::Sqrt(cov_yy), batch.off_sigma_px);
   }
-  found = hn::And(found, hn::Eq(hn::Add(beside, sigma), hn::Add(beside, sigma)));  // numbers
+  store_found(hn::AndNot(hn::IsNaN(hn::Add(beside, sigma)), found));
   store(beside, batch.beside_px);
   store(sigma, batch.sigma_px);
   hn::StoreU(place.index, di, batch.cell.data() + i);
-  const V told = hn::IfThenElseZero(found, Number(1.0));
-  const hn::Rebind<std::uint8_t, D> bytes;
-  hn::StoreU(hn::DemoteTo(bytes, hn::ConvertTo(di, told)), bytes, batch.found.data() + i);
-  store(u, batch.column);
-  store(v, batch.row);
+  store(hn::Add(place.x, u), batch.column);
+  store(hn::Add(place.y, v), batch.row);
 }
 
 void Match(const MatchPlanes& planes, MatchBatch& batch) {
   for (std::size_t i = 0; i < MatchBatch::kSize; i += hn::Lanes(D())) MatchLanes(planes, batch, i);
-  for (std::size_t i = 0; i < MatchBatch::kSize; ++i) {
-    batch.column[i] += static_cast<float>(batch.cell[i] % planes.width);
-    batch.row[i] += static_cast<float>(batch.cell[i] / planes.width);
-  }
 }
 
 }  // namespace crosstie::scan::detail::HWY_NAMESPACE

@@ -32,14 +32,15 @@ struct MatchBatch {
 
   Each<float> a = {}, a_sigma = {}, b = {}, b_sigma = {};
   Each<float> curve_px = {};      ///< y of the left pixel in the rectified frame
-  Each<float> column = {};        ///< of the place: first where it may be, then where it is
+  Each<float> column = {};        ///< of the place: first where it may be, negative: nowhere; then where it is
   Each<float> row = {};           ///< the same
   Each<std::int32_t> cell = {};   ///< index of the place's upper left pixel
   Each<float> beside_px = {};     ///< x of the match less x_px of the cell's pixel
   Each<float> sigma_px = {};      ///< of x
   Each<float> off_px = {};        ///< y of the match less the curve's; with two phases
   Each<float> off_sigma_px = {};  ///< of it
-  Each<std::uint8_t> found = {};  ///< 0: not by this way; nothing else of the pixel is told then
+  Each<std::uint8_t> found =
+      {};  ///< 0: there is no place, or it was sought too far off; nothing else of the pixel is told then
 };
 
 /// Finds the places of a batch by Newton's method within the bilinear cells of the smooth planes, from cell to cell; then corrects them by

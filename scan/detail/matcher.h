@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "base/phase_map.h"
+#include "scan/detail/match_kernel.h"
 #include "scan/match.h"
 
 namespace crosstie::scan::detail {
@@ -63,24 +64,19 @@ class Matcher {
   Matcher& operator=(const Matcher&) = delete;
   ~Matcher();
 
-  /// The place with the pixel's coordinates and what it says of it.
-  [[nodiscard]] Match find(const LeftPixel& pixel) const;
-  /// The same of the pixels of a row in the order of their columns, in batches where neighbours tell where the next places are.
+  /// The places with the coordinates of a row's pixels, which are in the order of their columns, and what these say. In batches: where the
+  /// next ones lie the last ones tell; where they do not, or wrongly, a table does.
   void find_row(std::span<const LeftPixel> pixels, std::span<Match> matches) const;
 
  private:
   class Table;
-  struct Place;
-  [[nodiscard]] bool walk(std::size_t start, float a, float b, Place& place) const;
-  [[nodiscard]] double value_at(const std::vector<float>& plane, const std::vector<float>& smooth, const Place& place) const;
-  [[nodiscard]] double interpolated_variance(const base::PhasePlane& plane, const Place& place) const;
-  [[nodiscard]] const std::vector<float>& second_plane() const;
-  [[nodiscard]] MatchOutcome judged(double off_px, double off_sigma_px) const;
+  /// Of those that are not found yet, from where `start(pixel)` says; whether all are found then.
+  template <typename Start>
+  bool find_from(std::span<const LeftPixel> pixels, std::span<Match> matches, const Start& start) const;
 
-  std::size_t width_;
-  std::size_t height_;
   const MatchTarget& target_;
   MatchOptions options_;
+  MatchPlanes planes_;
   std::unique_ptr<const Table> table_;
 };
 
