@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <limits>
 
 #include <fmt/format.h>
 #include <opencv2/calib3d.hpp>
@@ -12,6 +13,7 @@
 
 #include "base/file.h"
 #include "base/parallel.h"
+#include "calib/detail/crossing.h"
 
 namespace crosstie::calib {
 namespace {
@@ -37,21 +39,79 @@ cv::Mat eight_bits(const base::ImageView& image) {
   return result;
 }
 
-double least_spacing_px(const std::vector<cv::Point2f>& corners, int columns) {
-  double least = 1e9;
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const auto distance = [&](std::size_t j) {
-      return static_cast<double>(std::hypot(corners[i].x - corners[j].x, corners[i].y - corners[j].y));
-    };
-    if ((i + 1) % static_cast<std::size_t>(columns) != 0) least = std::min(least, distance(i + 1));
-    if (i + static_cast<std::size_t>(columns) < corners.size())
-      least = std::min(least, distance(i + static_cast<std::size_t>(columns)));
+/// The corners as they lie in rows and columns.
+class CornerGrid {
+ public:
+  CornerGrid(std::span<const cv::Point2f> corners, int columns) : corners_(corners), columns_(columns) {}
+
+  [[nodiscard]] int columns() const { return columns_; }
+  [[nodiscard]] int rows() const { return static_cast<int>(corners_.size()) / columns_; }
+  [[nodiscard]] Eigen::Vector2d at(int column, int row) const {
+    const cv::Point2f& corner = corners_[static_cast<std::size_t>(row * columns_ + column)];
+    return {corner.x, corner.y};
+  }
+  /// From a corner to its neighbour along the row (x) or column (y); at the last one from the neighbour before.
+  [[nodiscard]] Eigen::Vector2d step(int column, int row, int x, int y) const {
+    const bool last = column + x == columns_ || row + y == rows();
+    return last ? Eigen::Vector2d(at(column, row) - at(column - x, row - y))
+                : Eigen::Vector2d(at(column + x, row + y) - at(column, row));
+  }
+  /// The printed line along a row or column as it passes a corner. Its curvature is that of the parabola through three neighbours.
+  [[nodiscard]] detail::CrossingLine line(int column, int row, int x, int y) const {
+    const int middle_column = x == 0 ? column : std::clamp(column, 1, columns_ - 2);
+    const int middle_row = y == 0 ? row : std::clamp(row, 1, rows() - 2);
+    const Eigen::Vector2d middle = at(middle_column, middle_row);
+    const Eigen::Vector2d ahead = at(middle_column + x, middle_row + y) - middle;
+    const Eigen::Vector2d behind = middle - at(middle_column - x, middle_row - y);
+    const Eigen::Vector2d along = 0.5 * (ahead + behind);
+    const Eigen::Vector2d way = column == middle_column && row == middle_row ? along : step(column, row, x, y);
+    const double bend = Eigen::Vector2d(-along.y(), along.x()).dot(ahead - behind) / along.norm();
+    return {std::atan2(way.y(), way.x()), bend / along.squaredNorm()};
+  }
+  /// Distance from a corner to the next parallel line of the board.
+  [[nodiscard]] double clearance_px(int column, int row) const {
+    double least = std::numeric_limits<double>::infinity();
+    const Eigen::Vector2d along = step(column, row, 1, 0);
+    const Eigen::Vector2d down = step(column, row, 0, 1);
+    const double area = std::abs(along.x() * down.y() - along.y() * down.x());
+    for (const Eigen::Vector2d& side : {along, down}) least = std::min(least, area / side.norm());
+    return least;
+  }
+
+ private:
+  std::span<const cv::Point2f> corners_;
+  int columns_;
+};
+
+double least_clearance_px(const CornerGrid& grid) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int row = 0; row < grid.rows(); ++row) {
+    for (int column = 0; column < grid.columns(); ++column) least = std::min(least, grid.clearance_px(column, row));
   }
   return least;
 }
 
+/// Every corner by the image of its own two lines; where that is none, it stays.
+std::vector<Eigen::Vector2d> as_crossings(const base::ImageView& image, const CornerGrid& grid) {
+  constexpr double kRadius = 1.0 / 3.0;  // of the clearance: the blur of the next line ends outside
+  constexpr double kLeastRadius_px = 3.0;
+  constexpr double kMostRadius_px = 12.0;
+  std::vector<Eigen::Vector2d> centres;
+  for (int row = 0; row < grid.rows(); ++row) {
+    for (int column = 0; column < grid.columns(); ++column) {
+      const auto found = detail::find_crossing(
+          image, {.start_px = grid.at(column, row),
+                  .first = grid.line(column, row, 1, 0),
+                  .second = grid.line(column, row, 0, 1),
+                  .radius_px = std::clamp(kRadius * grid.clearance_px(column, row), kLeastRadius_px, kMostRadius_px)});
+      centres.push_back(found ? found->centre_px : grid.at(column, row));
+    }
+  }
+  return centres;
+}
+
 bool find_chessboard(const cv::Mat& grey, const base::Board& board, Detector detector, std::vector<cv::Point2f>& corners) {
-  constexpr double kWindow = 0.25;  // half of the window over the spacing: it stays clear of the neighbours
+  constexpr double kWindow = 0.25;  // half of the window over the clearance: it stays clear of the neighbours
   constexpr int kLeastWindow = 2;
   constexpr int kMostWindow = 11;
   constexpr int kMostIterations = 100;
@@ -63,7 +123,7 @@ bool find_chessboard(const cv::Mat& grey, const base::Board& board, Detector det
   if (!cv::findChessboardCorners(grey, size, corners, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
     return false;
   const int window =
-      std::clamp(static_cast<int>(kWindow * least_spacing_px(corners, board.columns)), kLeastWindow, kMostWindow);
+      std::clamp(static_cast<int>(kWindow * least_clearance_px({corners, board.columns})), kLeastWindow, kMostWindow);
   cv::cornerSubPix(grey, corners, cv::Size(window, window), cv::Size(-1, -1),
                    cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, kMostIterations, kSettled_px));
   return true;
@@ -113,11 +173,15 @@ Result<std::optional<std::vector<base::BoardCorner>>> find_corners(const base::I
     const bool found = board.pattern == base::BoardPattern::kChessboard ? find_chessboard(grey, board, detector, points)
                                                                         : find_circles(grey, board, points);
     if (!found || static_cast<int>(points.size()) != board.count()) return std::optional<std::vector<base::BoardCorner>>();
+    const auto finite = [](const cv::Point2f& point) { return std::isfinite(point.x) && std::isfinite(point.y); };
+    if (!std::all_of(points.begin(), points.end(), finite)) return std::optional<std::vector<base::BoardCorner>>();
+    const bool crossings = board.pattern == base::BoardPattern::kChessboard && detector == Detector::kClassic;
+    const std::vector<Eigen::Vector2d> refined =
+        crossings ? as_crossings(image, {points, board.columns}) : std::vector<Eigen::Vector2d>();
     std::vector<base::BoardCorner> corners;
     for (int i = 0; i < board.count(); ++i) {
-      const cv::Point2f& point = points[static_cast<std::size_t>(i)];
-      if (!std::isfinite(point.x) || !std::isfinite(point.y)) return std::optional<std::vector<base::BoardCorner>>();
-      corners.push_back({i, {point.x, point.y}, 0.0});
+      const auto at = static_cast<std::size_t>(i);
+      corners.push_back({i, crossings ? refined[at] : Eigen::Vector2d(points[at].x, points[at].y), 0.0});
     }
     return corners;
   } catch (const std::exception& error) {

@@ -19,7 +19,7 @@ namespace crosstie::calib {
 
 /// How the corners of a chessboard are found; circle grids know one way only.
 enum class Detector {
-  kClassic,  ///< OpenCV's findChessboardCorners, then cornerSubPix
+  kClassic,  ///< OpenCV's findChessboardCorners, then each corner by the image of its two lines (detail/crossing.h)
   kSectors,  ///< OpenCV's findChessboardCornersSB (Duda & Frese, BMVC 2018)
 };
 
@@ -28,7 +28,8 @@ enum class Detector {
 
 /// Finds the whole board in an image, or nothing. The corners come row by row as the board counts them; which of its ends is the
 /// first the image alone cannot tell for boards that look the same when turned, so calibrate() tests it.
-/// The window of cornerSubPix is a quarter of the least distance of two corners, at least 2 px and at most 11.
+/// The classic detector's corners are fitted to the pixels within a third of the distance to the next line, 3 to 12 px; one that does not look
+/// like two crossing lines stays where cornerSubPix put it.
 /// Pixels: (0, 0) is the centre of the first pixel. Errors: kBadInput for an image without data; kUsage for an AprilGrid
 /// (its corners come from tags: tag_corners()); kInternal where OpenCV throws.
 base::Result<std::optional<std::vector<base::BoardCorner>>> find_corners(const base::ImageView& image, const base::Board& board,

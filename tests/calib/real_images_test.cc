@@ -1,4 +1,4 @@
-// Real pairs of boards, from the images on: the corners are OpenCV's, the calibration is ours.
+// Real pairs of boards, from the images on: the board is found by OpenCV, its corners and the calibration are ours.
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -37,7 +37,7 @@ TEST(RealImages, BumblebeeHasThePublishedBaseline) {
   // Published: 120.05 (BoofCV, a plane), with free points 120.24.
   EXPECT_GT(free->rig->baseline_mm, 120.05 - 0.3);
   EXPECT_LT(free->rig->baseline_mm, 120.24 + 0.3);
-  EXPECT_LT(free->rms_px, 0.06);
+  EXPECT_LT(free->rms_px, 0.03);  // with OpenCV's cornerSubPix 0.044
   // The reason for the difference: rows and columns are not equally far apart, which a plane grid puts into focal lengths and
   // distances. Its sigma says that the pitch alone leaves more than that open.
   BoardViews plane = views;
@@ -52,7 +52,7 @@ TEST(RealImages, BumblebeeHasThePublishedBaseline) {
   EXPECT_GT(std::abs(aspect->value), 3.0 * aspect->sigma);
 }
 
-TEST(RealImages, PlasterHeadBoardsAreSeenToATenthOfAPixel) {
+TEST(RealImages, PlasterHeadBoardsAreSeenToATwentiethOfAPixel) {
   const auto folder = tests::measured_data("plaster-head");
   if (folder.empty()) GTEST_SKIP() << "no plaster-head in CROSSTIE_DATA";
   base::Board board{.columns = 11, .rows = 8, .pitch_mm = 19.0};
@@ -60,9 +60,10 @@ TEST(RealImages, PlasterHeadBoardsAreSeenToATenthOfAPixel) {
   const auto result = calibrate(views_of(folder / "board", board, "Left", "Right"));
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_EQ(result->rig->stations, 20);
-  EXPECT_LE(result->rms_px, 0.125);
-  EXPECT_LE(result->cameras[0].rms_heldout_px, 0.125);
-  EXPECT_LE(result->cameras[1].rms_heldout_px, 0.125);
+  // With OpenCV's cornerSubPix 0.09.
+  EXPECT_LE(result->rms_px, 0.05);
+  EXPECT_LE(result->cameras[0].rms_heldout_px, 0.05);
+  EXPECT_LE(result->cameras[1].rms_heldout_px, 0.05);
   EXPECT_NEAR(result->rig->baseline_mm, 120.97, 3.0 * result->rig->baseline_sigma_mm);  // its own calibration
 }
 
