@@ -65,9 +65,11 @@ struct BlurredSign {
 BlurredSign blurred_sign(double a, double b, double r) {
   constexpr std::array<double, 3> kNodes = {0.1127016653792583, 0.5, 0.8872983346207417};  // Gauss-Legendre on [0, 1]
   constexpr std::array<double, 3> kWeights = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
-  constexpr double kFar = 30.0;  // of the exponent: nothing is left of the density
+  constexpr double kFar = 30.0;      // of the exponent: nothing is left of the density
+  constexpr double kNothing = 1e-7;  // 5.5 sigmas from a line
   const auto of_a = math::edge_profile(a);
   const auto of_b = math::edge_profile(b);
+  if (of_a.density < kNothing && of_b.density < kNothing) return {a * b > 0.0 ? 1.0 : -1.0, 0.0, 0.0, 0.0};
   const double width = std::sqrt(1.0 - r * r);
   BlurredSign s = {(2.0 * of_a.distribution - 1.0) * (2.0 * of_b.distribution - 1.0),
                    2.0 * of_a.density * (2.0 * math::edge_profile((b - r * a) / width).distribution - 1.0),
@@ -117,7 +119,7 @@ double accumulate(const std::vector<Pixel>& pixels, const CrossingSearch& search
     row(kMean) = 1.0;
     row.tail<2>() = pixel.from_start_px;
     const double off = pixel.level - contrast * s.value - at(kMean) - at.tail<2>().dot(pixel.from_start_px);
-    normal.selfadjointView<Eigen::Lower>().rankUpdate(row);
+    normal.noalias() += row * row.transpose();
     right += off * row;
     squares += off * off;
   }
@@ -130,14 +132,14 @@ void solve_levels(const std::vector<Pixel>& pixels, const CrossingSearch& search
   Vector right;
   at(kContrast) = 0.0;
   accumulate(pixels, search, at, normal, right);
-  at.tail<4>() += normal.bottomRightCorner<4, 4>().selfadjointView<Eigen::Lower>().ldlt().solve(right.tail<4>());
+  at.tail<4>() += normal.bottomRightCorner<4, 4>().ldlt().solve(right.tail<4>());
 }
 
 }  // namespace
 
 std::optional<Crossing> find_crossing(const base::ImageView& image, const CrossingSearch& search) {
   constexpr int kMostSteps = 30;
-  constexpr double kSettled_px = 1e-5;
+  constexpr double kSettled_px = 3e-4;  // of a step: what the next one would do is its square
   constexpr double kLeastDamping = 1e-9;
   constexpr double kMostDamping = 1e6;
   const std::vector<Pixel> pixels = disc(image, search.start_px, search.radius_px);
@@ -156,7 +158,7 @@ std::optional<Crossing> find_crossing(const base::ImageView& image, const Crossi
   double damping = 1e-3;
   bool settled = false;
   for (int step = 0; step < kMostSteps && !settled; ++step) {
-    Normal damped = normal.selfadjointView<Eigen::Lower>();
+    Normal damped = normal;
     damped.diagonal() *= 1.0 + damping;
     const Vector move = damped.ldlt().solve(right);
     const Vector there = at + move;
@@ -183,8 +185,7 @@ std::optional<Crossing> find_crossing(const base::ImageView& image, const Crossi
   const double blur = std::exp(at(kBlur));
   const double variance = squares / static_cast<double>(pixels.size() - kUnknowns);
   if (blur > 0.5 * search.radius_px || !(std::abs(at(kContrast)) > 4.0 * std::sqrt(variance))) return std::nullopt;
-  const Normal whole = normal.selfadjointView<Eigen::Lower>();
-  const Eigen::LDLT<Normal> factor(whole);
+  const Eigen::LDLT<Normal> factor(normal);
   if (factor.info() != Eigen::Success || !factor.isPositive()) return std::nullopt;
   const Normal inverse = factor.solve(Normal::Identity());
   return Crossing{.centre_px = search.start_px + at.head<2>(),

@@ -177,7 +177,7 @@ void sample_residuals(const std::vector<Image>& images, const std::vector<double
   }
 }
 
-/// A pixel that was solved without some of its samples.
+/// A pixel that was solved without those of its samples that are cut off.
 struct ClippedPixel {
   std::size_t pixel;
   float gain;
@@ -201,8 +201,8 @@ void solve_rows(const std::vector<Image>& images, const Solver& solver, int firs
       for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = rows[n][x];
       const auto fit = solver.fit(levels);
       set.modulation[at + x] = fit ? static_cast<float>(std::hypot(fit->a, fit->b)) : 0.0F;
-      clipped_pixels.push_back({at + x, static_cast<float>(fit ? fit->gain : solver.gain())});
       if (!fit) continue;
+      clipped_pixels.push_back({at + x, static_cast<float>(fit->gain)});
       set.turns[at + x] = static_cast<float>(turns_of(fit->a, fit->b));
       set.mean[at + x] = static_cast<float>(fit->mean);
       set.squares[at + x] = fit->used > 3 ? static_cast<float>(fit->squares / (fit->used - 3)) : 0.0F;
