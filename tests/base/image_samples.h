@@ -7,8 +7,6 @@
 
 namespace crosstie::tests {
 
-inline constexpr std::size_t kImageSamples = 9;
-
 /// The grey level of the picture in all samples: smooth, with an edge, 97 x 61 px.
 inline constexpr int kSampleWidth = 97;
 inline constexpr int kSampleHeight = 61;

@@ -1,5 +1,7 @@
 #include "tests/damage/readers.h"
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 
 #include "base/aicon_files.h"
@@ -27,7 +29,6 @@
 #include "edge/nominal_file.h"
 #include "fixtures/scene.h"
 #include "tests/base/colmap_scene.h"
-#include "tests/base/image_samples.h"
 #include "tests/support/synthetic_calibration.h"
 #include "tests/support/synthetic_commissioning.h"
 #include "tests/support/synthetic_stitching.h"
@@ -377,9 +378,14 @@ std::vector<Reader> readers() {
   all.push_back({"npy",
                  {contents_of([](const fs::path& p) { return base::write_npy(p, Eigen::MatrixXd::Identity(5, 5)); })},
                  answer([](const fs::path& p) { return base::read_npy(p); })});
-  for (auto& [name, bytes] : image_samples()) {
-    all.push_back({"image " + name, {bytes}, answer([](const fs::path& p) { return base::read_image(p); })});
-  }
+  // By OpenCV's encoders when the tests were built.
+  std::vector<fs::path> images;
+  for (const auto& entry : fs::directory_iterator(CROSSTIE_IMAGE_SAMPLES)) images.push_back(entry.path());
+  std::sort(images.begin(), images.end());
+  for (const fs::path& image : images)
+    all.push_back({"image " + image.filename().string(), {read_all(image)}, answer([](const fs::path& p) {
+                     return base::read_image(p);
+                   })});
   add_folder(all, "adjusted network", files_of(write_some_result),
              [](const fs::path& folder) { return base::read_adjusted_network(folder); });
   add_folder(all, "calibration", files_of(write_some_calibration),
