@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include "app/job_index.h"
 #include "app/job_steps.h"
 #include "app/verb.h"
 #include "base/text.h"
@@ -73,7 +74,8 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto adjustment =
       adjust_step(*job, results / "detect", out ? std::filesystem::path(*out) : results / "adjust", session);
   if (!adjustment) return tl::unexpected(adjustment.error());
-  return said(*adjustment, session);
+  const Outcome ended = said(*adjustment, session);
+  return out ? base::Result<Outcome>(ended) : with_index(*job, ended);
 }
 
 }  // namespace

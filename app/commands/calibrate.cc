@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include "app/job_index.h"
 #include "app/lens_word.h"
 #include "app/steps_calibrate.h"
 #include "app/verb.h"
@@ -175,8 +176,9 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   }
   const auto job = read_job(*arguments.get("JOB"));
   if (!job) return tl::unexpected(job.error());
-  const auto folder = out ? std::filesystem::path(*out) : job->folder / "results" / "calibrate";
-  return calibrate_into(with_common_options(calibration_task(*job), arguments), folder, session);
+  const auto task = with_common_options(calibration_task(*job), arguments);
+  if (out) return calibrate_into(task, *out, session);
+  return with_index(*job, calibrate_into(task, job->folder / "results" / "calibrate", session));
 }
 
 }  // namespace

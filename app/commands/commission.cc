@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include "app/job_index.h"
 #include "app/job_steps.h"
 #include "app/steps_commission.h"
 #include "app/verb.h"
@@ -52,7 +53,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   if (!step) return tl::unexpected(step.error());
   tell("commission", *step);
   session.print((step->folder / "result.json").string());
-  return step->outcome;
+  return out ? Result<Outcome>(step->outcome) : with_index(*job, step->outcome);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include "app/job_edge.h"
+#include "app/job_index.h"
 #include "app/steps_edge.h"
 #include "app/verb.h"
 #include "base/text.h"
@@ -51,7 +52,14 @@ Result<EdgeTask> scan_task_of(const Arguments& arguments) {
   return task;
 }
 
-Result<StepOutcome> edge_of_job(const Arguments& arguments, Session& session) {
+Result<Outcome> finish(const Result<StepOutcome>& step, Session& session) {
+  if (!step) return tl::unexpected(step.error());
+  session.say("edge    " + step->summary);
+  session.print((step->folder / "result.json").string());
+  return step->outcome;
+}
+
+Result<Outcome> edge_of_job(const Arguments& arguments, Session& session) {
   for (const char* option : {"--rig", "--nominal", "--roi", "--arc", "--cell-mm"}) {
     if (arguments.has(option))
       return base::fail(ErrorCode::kUsage, fmt::format("{} goes with --scan; a JOB says it in job.toml", option));
@@ -61,26 +69,23 @@ Result<StepOutcome> edge_of_job(const Arguments& arguments, Session& session) {
   const std::filesystem::path results = job->folder / "results";
   const auto task = job_edge_task(*job, results);
   if (!task) return tl::unexpected(task.error());
-  return job_edge_step(*task, arguments.get("--out").value_or((results / "edge").string()), session);
+  if (const auto out = arguments.get("--out")) return finish(job_edge_step(*task, *out, session), session);
+  return with_index(*job, finish(job_edge_step(*task, results / "edge", session), session));
 }
 
-Result<StepOutcome> edge_of_scan(const Arguments& arguments, Session& session) {
+Result<Outcome> edge_of_scan(const Arguments& arguments, Session& session) {
   const auto out = arguments.get("--out");
   if (!out) return base::fail(ErrorCode::kUsage, "--scan needs --out, the folder for the result");
   const auto task = scan_task_of(arguments);
   if (!task) return tl::unexpected(task.error());
-  return edge_step(*task, *out, session);
+  return finish(edge_step(*task, *out, session), session);
 }
 
 Result<Outcome> run(const Arguments& arguments, Session& session) {
   if (arguments.has("JOB") == arguments.has("--scan")) {
     return base::fail(ErrorCode::kUsage, "edge needs a JOB whose scans were stitched, or --scan with the folder of one scan");
   }
-  const auto step = arguments.has("JOB") ? edge_of_job(arguments, session) : edge_of_scan(arguments, session);
-  if (!step) return tl::unexpected(step.error());
-  session.say("edge    " + step->summary);
-  session.print((step->folder / "result.json").string());
-  return step->outcome;
+  return arguments.has("JOB") ? edge_of_job(arguments, session) : edge_of_scan(arguments, session);
 }
 
 }  // namespace

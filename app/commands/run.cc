@@ -5,6 +5,7 @@
 #include <fmt/core.h>
 
 #include "app/job_graph.h"
+#include "app/job_index.h"
 #include "app/job_steps.h"
 #include "app/verb.h"
 
@@ -50,7 +51,11 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   };
   const auto out = arguments.get("--out");
   const StepRun at{*job, out ? std::filesystem::path(*out) : job->folder / "results", session};
-  if (auto done = do_steps(*steps, at, tell); !done) return base::fail(std::move(done));
+  auto done = do_steps(*steps, at, tell);
+  auto index = write_job_index(*job, at.results);  // also of what was done before a step that failed
+  if (!done) return base::fail(std::move(done));
+  if (!index) return base::fail(std::move(index));
+  session.print((at.results / "index.html").string());
   return outcome;
 }
 

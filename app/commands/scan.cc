@@ -4,6 +4,7 @@
 
 #include <fmt/core.h>
 
+#include "app/job_index.h"
 #include "app/job_scan.h"
 #include "app/steps.h"
 #include "app/steps_scan.h"
@@ -126,7 +127,8 @@ Result<Outcome> scan_job(const Arguments& arguments, Session& session) {
     session.say(fmt::format("{}  {}", what, step.summary));
     session.print((step.folder / "result.json").string());
   };
-  return scan_stations(*scans, tell, session);
+  auto ended = scan_stations(*scans, tell, session);
+  return out ? ended : with_index(*job, std::move(ended));
 }
 
 Result<Outcome> run(const Arguments& arguments, Session& session) {

@@ -4,6 +4,7 @@
 
 #include <fmt/core.h>
 
+#include "app/job_index.h"
 #include "app/steps_stitch.h"
 #include "app/verb.h"
 
@@ -79,7 +80,8 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
     if (!task->reference) return fail(ErrorCode::kUsage, "--markers-frame goes with --markers");
     task->reference_in_part = *frame == "part";
   }
-  return finish(stitch_step(*task, out ? std::filesystem::path(*out) : results / "stitch", session), session);
+  if (out) return finish(stitch_step(*task, *out, session), session);
+  return with_index(*job, finish(stitch_step(*task, results / "stitch", session), session));
 }
 
 }  // namespace

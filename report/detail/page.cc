@@ -151,6 +151,10 @@ void Page::section(const std::string& name, const std::string& heading, const st
   sections_.push_back({name, heading, content});
 }
 
+void Page::first_section(const std::string& name, const std::string& heading, const std::string& content) {
+  first_.push_back({name, heading, content});
+}
+
 void Page::warnings(const std::vector<base::Warning>& warnings) {
   for (const base::Warning& warning : warnings) {
     const bool known = std::any_of(warnings_.begin(), warnings_.end(), [&](const base::Warning& other) {
@@ -175,6 +179,7 @@ std::string Page::html() const {
   if (!context_.envelope.verdicts.empty()) {
     sections.insert(sections.begin(), {"verdicts", "Verdicts", verdict_table(context_.envelope.verdicts)});
   }
+  sections.insert(sections.begin(), first_.begin(), first_.end());
   sections.push_back({"origin", "Where this comes from", origin(context_)});
 
   const std::string css(page_css());

@@ -25,6 +25,8 @@ class Page {
   void key_figures(const std::vector<KeyFigure>& figures);
   /// A section with a heading; `content` is finished markup.
   void section(const std::string& name, const std::string& heading, const std::string& content);
+  /// The same before verdicts and warnings: what the reader came for.
+  void first_section(const std::string& name, const std::string& heading, const std::string& content);
   /// Warnings of the result, beside those of the envelope.
   void warnings(const std::vector<base::Warning>& warnings);
   /// The 3D view of this scene (JSON, see detail/scene.h). Without JavaScript `fallback` stands in its place.
@@ -42,6 +44,7 @@ class Page {
 
   ReportContext context_;
   std::string figures_;
+  std::vector<Section> first_;
   std::vector<Section> sections_;
   std::vector<base::Warning> warnings_;
   bool has_scene_ = false;

@@ -122,6 +122,9 @@ TEST_F(SegmentJob, RunDoesAllStepsAndThenNothing) {
     EXPECT_THAT("\n" + run_.err, HasSubstr(fmt::format("\n{} ", step)));
   for (const char* step : {"calibrate", "detect", "adjust", "commission", "stitch", "edge", "verify"})
     EXPECT_TRUE(fs::exists(results(step) / "report.html")) << step;
+  const std::string overview = tests::read_all(job() / "results" / "index.html");
+  for (const char* page : {"calibrate/report.html", "scan/x0500/report.html", "stitch/report.html", "edge/report.html"})
+    EXPECT_THAT(overview, HasSubstr(fmt::format("href=\"{}\"", page)));
   const std::string before = tests::read_all(results("edge") / "result.json");
   const auto again = run_program({"run", job().string()});
   EXPECT_EQ(again.exit_code, run_.exit_code) << again.err;
