@@ -66,7 +66,7 @@ std::vector<Verdict> judge(const base::Calibration& calibration, const JobLimits
     // The relative sigma of a root mean square of n independent values is 1 / sqrt(2 n); a corner has two.
     const double sigma = camera.rms_heldout_px / std::sqrt(4.0 * std::max(1, camera.corners));
     verdicts.push_back({fmt::format("heldout_rms_px {}", camera.name), camera.rms_heldout_px, limits.heldout_rms_px, "px",
-                        "limits.heldout_rms_px: public boards reach 0.05 to 0.17 px",
+                        "limits.heldout_rms_px: public boards reach 0.02 to 0.05 px",
                         base::judge_upper_limit(camera.rms_heldout_px, limits.heldout_rms_px, kCoverage * sigma)});
   }
   judge_validation(calibration, limits, verdicts);

@@ -175,15 +175,21 @@ struct JobPath {
 
 /// `[limits]`: what makes a verdict fail. Those that are not set are not judged.
 struct JobLimits {
-  double sigma0_px = 0.1;         ///< of one image coordinate; circular targets are measured far better than a tenth of a pixel
-  double scale_bar_w = 3.29;      ///< standardised deviation of a scale bar; 0.1 % two-sided of a normal distribution
-  double control_w = 3.29;        ///< the same of a control point
-  double heldout_rms_px = 0.2;    ///< of board corners held out, per point: five public boards reach 0.05 to 0.17 px
+  double sigma0_px = 0.1;     ///< of one image coordinate; circular targets are measured far better than a tenth of a pixel
+  double scale_bar_w = 3.29;  ///< standardised deviation of a scale bar; 0.1 % two-sided of a normal distribution
+  double control_w = 3.29;    ///< the same of a control point
+  double heldout_rms_px =
+      0.2;  ///< of board corners held out, per point: public boards reach 0.02 to 0.05 px, with corners of other programs up to 0.17
   double halves_ratio = 2.0;      ///< what odd and even views differ by, over its prediction (mrcal's cross-validation)
   double area_not_covered = 0.3;  ///< share of the image's inner cells without board corners; a WARNING, never a FAIL
   double prior_ratio = 2.0;       ///< what the board's shape deviates by, over its prior
   double sphere_w = 3.29;         ///< standardised residual of a reference sphere; 0.1 % two-sided
   double rig_change_w = 3.76;     ///< change of the rig since calibrate over its sigma; 0.1 % two-sided of the largest of six
+  std::optional<double> epipolar_px;  ///< of a scan: rms distance from the epipolar curves; nothing: off_curve_limit_px()
+  double seam_mm = 0.1;               ///< step where two scans overlap: the accuracy that is asked of the hole's edge
+  double calibration_change =
+      3.0;  ///< rms of the standardised change of the head by stitch: never reached by a calibration that holds
+  double off_axis_w = 3.29;          ///< standardised distance of a station from the commissioned axis; 0.1 % two-sided
   std::optional<double> frame_u_mm;  ///< U of a point of the working volume by the machine's frame alone, worst direction
   std::optional<double> baseline_sigma_mm;
   std::optional<double> point_sigma_mm;    ///< largest sigma of a coordinate

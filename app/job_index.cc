@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "app/job_steps.h"
+#include "base/certificate.h"
 #include "base/envelope_reader.h"
 #include "base/file.h"
 #include "report/job_report.h"
@@ -28,16 +29,11 @@ std::vector<fs::path> folders_of(const fs::path& folder) {
   return folders;
 }
 
-std::string date_of(const Job& job) {
-  if (!job.date) return {};
-  return fmt::format("{:04}-{:02}-{:02}", static_cast<int>(job.date->year()), static_cast<unsigned>(job.date->month()),
-                     static_cast<unsigned>(job.date->day()));
-}
-
 }  // namespace
 
 Result<> write_job_index(const Job& job, const fs::path& results) {
-  report::JobOverview overview{.job = job.name, .date = date_of(job), .results = {}, .not_done = {}};
+  report::JobOverview overview{
+      .job = job.name, .date = job.date ? base::format_date(*job.date) : std::string(), .results = {}, .not_done = {}};
   for (const JobStep* step : steps_of(job)) {
     const std::vector<fs::path> folders = folders_of(results / step->folder);
     if (folders.empty()) overview.not_done.emplace_back(step->name);

@@ -48,6 +48,7 @@ Result<std::vector<StationScan>> station_scans(const Job& job, const std::string
     for (const auto& [camera, level] : {std::pair{left, &task.white_levels[0]}, std::pair{right, &task.white_levels[1]}}) {
       if (const auto found = job.cameras.find(camera); found != job.cameras.end()) *level = found->second.white_level;
     }
+    task.max_off_curve_px = job.limits.epipolar_px;
     task.station = one.name;
     task.base_folder = job.folder;
     task.title = job.name.empty() ? one.name : fmt::format("{}, {}", job.name, one.name);

@@ -262,7 +262,7 @@ Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session
     const double limit = off_curve_limit_px(task, head->head);
     if (limit > 0.0) {
       envelope.verdicts.push_back({"off the epipolar curves", test.off_px, limit, "px",
-                                   "default: a calibrated head keeps within a few hundredths of a pixel",
+                                   "limits.epipolar_px: a calibrated head keeps within a few hundredths of a pixel",
                                    base::judge_upper_limit(test.off_px, limit, 2.0 * test.sigma_px)});
     }
   }

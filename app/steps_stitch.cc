@@ -29,11 +29,7 @@ using base::fail;
 using base::Result;
 using nlohmann::ordered_json;
 
-constexpr double kSeamLimit_mm = 0.1;  // what a seam may step: the accuracy that is asked of the hole's edge
-constexpr double kCalibrationLimit =
-    3.0;                                // rms of the standardised change of the head: never reached by a calibration that holds
-constexpr double kOffAxisLimit = 3.29;  // standardised; 0.1 % two-sided
-constexpr double kReachOfSize = 0.05;   // of surfaces alone: how far off they may lie to begin with
+constexpr double kReachOfSize = 0.05;  // of surfaces alone: how far off they may lie to begin with
 
 ordered_json options_json(const registration::SurfaceOptions& surface, const registration::StitchOptions& stitch,
                           const registration::MergeOptions& merge) {
@@ -56,6 +52,9 @@ ordered_json options_json(const registration::SurfaceOptions& surface, const reg
 ordered_json effective_options(const StitchTask& task) {
   ordered_json json = options_json(task.surface, task.stitch, task.merge);
   json["reference_in_part"] = task.reference_in_part;
+  json["limits"] = {{"seam_mm", task.limits.seam_mm},
+                    {"calibration_change", task.limits.calibration_change},
+                    {"off_axis_w", task.limits.off_axis_w}};
   json["stations"] = ordered_json::array();
   for (const StitchTask::Station& station : task.stations) {
     json["stations"].push_back(
@@ -141,7 +140,7 @@ Result<registration::StationScan> read_station(const StitchTask& task, const Sti
 }
 
 /// The largest step of a seam, and what else a user must know before he trusts the cloud.
-std::vector<base::Verdict> verdicts_of(const base::Stitching& stitching) {
+std::vector<base::Verdict> verdicts_of(const base::Stitching& stitching, const JobLimits& limits) {
   std::vector<base::Verdict> verdicts;
   double step = 0.0;
   double sigma = 0.0;
@@ -153,14 +152,14 @@ std::vector<base::Verdict> verdicts_of(const base::Stitching& stitching) {
     }
   }
   if (!stitching.overlaps.empty()) {
-    verdicts.push_back({"largest step of a seam", step, kSeamLimit_mm, "mm",
-                        "default: the accuracy that is asked of the hole's edge",
-                        base::judge_upper_limit(step, kSeamLimit_mm, 2.0 * sigma)});
+    verdicts.push_back({"largest step of a seam", step, limits.seam_mm, "mm",
+                        "limits.seam_mm: the accuracy that is asked of the hole's edge",
+                        base::judge_upper_limit(step, limits.seam_mm, 2.0 * sigma)});
   }
   if (stitching.head) {
-    verdicts.push_back({"change of the calibration, in its sigmas", stitching.calibration_shift, kCalibrationLimit, "",
-                        "default: a calibration that holds never needs it",
-                        base::judge_upper_limit(stitching.calibration_shift, kCalibrationLimit, 0.0)});
+    verdicts.push_back({"change of the calibration, in its sigmas", stitching.calibration_shift, limits.calibration_change, "",
+                        "limits.calibration_change: a calibration that holds never needs it",
+                        base::judge_upper_limit(stitching.calibration_shift, limits.calibration_change, 0.0)});
   }
   double off_axis = 0.0;
   bool on_axis = false;
@@ -169,8 +168,8 @@ std::vector<base::Verdict> verdicts_of(const base::Stitching& stitching) {
     off_axis = std::max(off_axis, station.off_axis_w);
   }
   if (on_axis) {
-    verdicts.push_back({"largest deviation from the axis, w", off_axis, kOffAxisLimit, "", "default: 0.1 % two-sided",
-                        base::judge_upper_limit(off_axis, kOffAxisLimit, 0.0)});
+    verdicts.push_back({"largest deviation from the axis, w", off_axis, limits.off_axis_w, "",
+                        "limits.off_axis_w: 0.1 % two-sided", base::judge_upper_limit(off_axis, limits.off_axis_w, 0.0)});
   }
   return verdicts;
 }
@@ -194,8 +193,8 @@ std::string summary_of(const base::Stitching& stitching, std::size_t points) {
 /// Files of the result, then its publication.
 Result<StepOutcome> write(ResultFolder& folder, const fs::path& out, const base::Stitching& stitching,
                           const base::Cloud& merged, const std::vector<base::ResultInput>& inputs, const ordered_json& options,
-                          const std::string& title) {
-  const base::ResultEnvelope envelope{"stitch", stitching.frame, inputs, verdicts_of(stitching), stitching.warnings};
+                          const JobLimits& limits, const std::string& title) {
+  const base::ResultEnvelope envelope{"stitch", stitching.frame, inputs, verdicts_of(stitching, limits), stitching.warnings};
   if (auto written = base::write_ply(folder.path() / "cloud.ply", merged); !written) return fail(std::move(written));
   if (auto written = report::write_stitching_tables(folder.path(), stitching); !written) return fail(std::move(written));
   if (auto written = base::write_covariance(folder.path(), {stitching.covariance, stitching.labels}); !written)
@@ -212,6 +211,7 @@ Result<StitchTask> stitch_task(const Job& job, const fs::path& results) {
   StitchTask task;
   task.base_folder = job.folder;
   task.title = job.name;
+  task.limits = job.limits;
   if (fs::exists(results / "commission" / "result.json")) task.commission = results / "commission";
   if (fs::exists(results / "calibrate" / "result.json")) task.calibration = results / "calibrate";
   if (job.hole && job.hole->markers) {
@@ -272,7 +272,7 @@ Result<StepOutcome> stitch_step(const StitchTask& task, const fs::path& out, Ses
     if (!cloud) return tl::unexpected(cloud.error());
     if (auto added = merger.add(static_cast<int>(k), *cloud); !added) return fail(std::move(added));
   }
-  return write(*folder, out, *stitching, merger.finish(), *inputs, options, task.title);
+  return write(*folder, out, *stitching, merger.finish(), *inputs, options, task.limits, task.title);
 }
 
 Result<StepOutcome> surface_stitch_step(const SurfaceStitchTask& task, const fs::path& out, Session& session) {
@@ -322,7 +322,7 @@ Result<StepOutcome> surface_stitch_step(const SurfaceStitchTask& task, const fs:
     if (!cloud) return tl::unexpected(cloud.error());
     if (auto added = merger.add(static_cast<int>(k), *cloud); !added) return fail(std::move(added));
   }
-  return write(*folder, out, *stitching, merger.finish(), *inputs, options, task.title);
+  return write(*folder, out, *stitching, merger.finish(), *inputs, options, JobLimits{}, task.title);
 }
 
 }  // namespace crosstie::app

@@ -27,6 +27,7 @@ struct StitchTask {
   registration::SurfaceOptions surface;
   registration::StitchOptions stitch;
   registration::MergeOptions merge;
+  JobLimits limits;
   std::filesystem::path base_folder;
   std::string title;
 };

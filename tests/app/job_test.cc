@@ -134,6 +134,10 @@ name = "x0100"
 axis_mm = -100.0
 [limits]
 heldout_rms_px = 0.15
+epipolar_px = 0.2
+seam_mm = 0.05
+calibration_change = 2.5
+off_axis_w = 4.0
 )";
 
 TEST(Job, ReadsTheHeadsCalibrationAndTheMachine) {
@@ -166,6 +170,10 @@ TEST(Job, ReadsTheHeadsCalibrationAndTheMachine) {
   EXPECT_THAT(job->stations[1].cross,
               testing::ElementsAre(testing::Pair("left", "cross/x0850_l.png"), testing::Pair("right", "cross/x0850_r.png")));
   EXPECT_EQ(job->limits.heldout_rms_px, 0.15);
+  EXPECT_EQ(job->limits.epipolar_px, 0.2);
+  EXPECT_EQ(job->limits.seam_mm, 0.05);
+  EXPECT_EQ(job->limits.calibration_change, 2.5);
+  EXPECT_EQ(job->limits.off_axis_w, 4.0);
 }
 
 class BadHeads : public testing::TestWithParam<BadJob> {};
