@@ -19,7 +19,7 @@ constexpr int kRounds = 20;                   // of judgement
 constexpr double kFar = 3.29;                 // sigmas: one point of a thousand
 constexpr double kBeside = 1.96;              // of a point beside a stretch
 constexpr double kChance = 0.001;
-constexpr double kTogether = 2.0;     // points of a form that deviate together, on average: they count as one
+constexpr double kTogether = 2.0;     // points that deviate together, at least: they count as one
 constexpr std::size_t kShortest = 2;  // points of a stretch
 
 /// Distances in the surface across the rim, without what the points share. Not a number beyond the end of an open nominal.
@@ -159,29 +159,58 @@ SplitRim split_by(std::vector<ForeignStretch> stretches, std::size_t n) {
   return split;
 }
 
+/// How many neighbours of the kept points deviate together, so that they count as one: 1 + 2 sum of the correlations of u over lags from 1 until one is
+/// not positive (initial positive sequence: Geyer, Statistical Science 7(4), 1992).
+double points_together(const std::vector<char>& keep, const Offsets& off, bool closed) {
+  const std::size_t n = keep.size();
+  const auto counts = [&](std::size_t i) { return keep[i] && std::isfinite(off.u_mm[i]); };
+  const auto mean_product = [&](std::size_t lag) {
+    double sum = 0.0, count = 0.0;
+    for (std::size_t i = 0; i < (closed ? n : n - lag); ++i) {
+      const std::size_t k = (i + lag) % n;
+      if (!counts(i) || !counts(k)) continue;
+      sum += off.u_mm[i] * off.u_mm[k];
+      count += 1.0;
+    }
+    return count > 0.0 ? sum / count : 0.0;
+  };
+  const double variance = mean_product(0);
+  double together = 1.0;
+  for (std::size_t lag = 1; lag < n / 2; ++lag) {
+    const double product = mean_product(lag);
+    if (!(product > 0.0)) break;
+    together += 2.0 * product / variance;
+  }
+  return std::max(kTogether, together);
+}
+
 /// Fisher's F of a stretch that is left out over its limit: above 1 chance does not explain how much better the rest fits without it.
-double significance(const PartFit& without, const PartFit& with, std::size_t n) {
+double significance(const PartFit& without, const PartFit& with, std::size_t n, double together) {
   const auto rows = static_cast<double>(with.redundancy - without.redundancy);
   const auto redundancy = static_cast<double>(without.redundancy);
   if (!(rows > 0.0 && redundancy > 0.0)) return 0.0;
   const double choices = kMostForeign * static_cast<double>(n) * static_cast<double>(n);  // first points times lengths
   const double ratio = (with.square_sum - without.square_sum) / rows / (without.square_sum / redundancy);
-  return ratio / math::f_quantile(1.0 - kChance / choices, rows / kTogether, redundancy / kTogether);
+  return ratio / math::f_quantile(1.0 - kChance / choices, rows / together, redundancy / together);
 }
 
 /// Those that chance does not explain; the least of the others goes back first.
-std::optional<SplitRim> significant(const base::EdgeCurve& edge, SplitRim split, const FitPart& fit_part) {
+std::optional<SplitRim> significant(const base::EdgeCurve& edge, const Nominal& nominal, SplitRim split,
+                                    const FitPart& fit_part) {
   const std::size_t n = split.keep.size();
   while (!split.stretches.empty()) {
     const auto without = fit_part(part_of(edge, split.keep));
     if (!without) return std::nullopt;
+    const auto off = offsets(edge, nominal, without->state);
+    if (!off) return std::nullopt;
+    const double together = points_together(split.keep, *off, edge.closed);
     double least = 1.0;
     std::optional<std::size_t> back;
     for (std::size_t k = 0; k < split.stretches.size(); ++k) {
       std::vector<char> keep = split.keep;
       for (const std::size_t i : split.stretches[k].points) keep[i] = 1;
       const auto with = fit_part(part_of(edge, keep));
-      const double here = with ? significance(*without, *with, n) : HUGE_VAL;
+      const double here = with ? significance(*without, *with, n, together) : HUGE_VAL;
       if (here >= least) continue;
       least = here;
       back = k;
@@ -225,7 +254,7 @@ std::optional<SplitRim> without_foreign_stretches(const base::EdgeCurve& edge, c
     share = 1.0;
     const auto left_out = static_cast<double>(std::count(split.keep.begin(), split.keep.end(), 0));
     if (left_out > kMostForeign * static_cast<double>(n)) return std::nullopt;
-    if (split.keep == choice->keep) return significant(edge, split, fit_part);
+    if (split.keep == choice->keep) return significant(edge, nominal, split, fit_part);
     const auto fit = fit_part(part_of(edge, split.keep));
     if (!fit) return std::nullopt;
     auto off = offsets(edge, nominal, fit->state);

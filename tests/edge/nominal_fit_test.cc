@@ -296,6 +296,22 @@ TEST(NominalFit, FormAllRoundAndNoiseLeaveNothingOut) {
   EXPECT_EQ(looked_at, 25);
 }
 
+TEST(NominalFit, WhatBendsSmoothlyIsFormAndNotAStretch) {
+  // As heat bends a cut: humps that begin nowhere, of several widths, some twenty times what the sigmas explain. Neighbours deviate together, so that a rim is worth
+  // a few points alone.
+  std::mt19937_64 random(35);
+  for (const double sharpness : {2.0, 4.0, 6.0, 8.0}) {
+    const auto bent = [sharpness](double u) {
+      return 1.5 * std::pow(0.5 + 0.5 * std::cos(2.0 * pi * (u - 0.3)), sharpness) + 0.5 * std::sin(6.0 * pi * u + 0.4) +
+             0.2 * std::cos(10.0 * pi * u);
+    };
+    const auto fit = fit_nominal(bent_circle(1000.0, 236, 0.0, 1.0, bent, random), {NominalKind::kCircle, {}});
+    ASSERT_TRUE(fit.has_value()) << fit.error().message;
+    EXPECT_TRUE(fit->left_out.empty()) << sharpness << ": " << fit->left_out.front().points.size() << " points";
+    EXPECT_TRUE(has_warning(*fit, "form"));
+  }
+}
+
 TEST(NominalFit, ComesToRestWherePointsLieFarOffTheirSigmas) {
   std::mt19937_64 random(34);
   // As a hole's edge has them: along the rim a point has no error of its own. Its weight follows the curve's direction then.
