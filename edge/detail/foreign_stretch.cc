@@ -18,9 +18,9 @@ constexpr int kSteps = 10;                    // for those that are followed
 constexpr int kRounds = 20;                   // of judgement
 constexpr double kFar = 3.29;                 // sigmas: one point of a thousand
 constexpr double kBeside = 1.96;              // of a point beside a stretch
-constexpr double kChance = 0.001;
-constexpr double kTogether = 2.0;     // points that deviate together, at least: they count as one
-constexpr std::size_t kShortest = 2;  // points of a stretch
+constexpr double kChance = 0.01;              // of one rim, as for rejections elsewhere
+constexpr double kTogether = 2.0;             // points that deviate together, at least: they count as one
+constexpr std::size_t kShortest = 2;          // points of a stretch
 
 /// Distances in the surface across the rim, without what the points share. Not a number beyond the end of an open nominal.
 struct Offsets {
@@ -189,7 +189,8 @@ double significance(const PartFit& without, const PartFit& with, std::size_t n, 
   const auto rows = static_cast<double>(with.redundancy - without.redundancy);
   const auto redundancy = static_cast<double>(without.redundancy);
   if (!(rows > 0.0 && redundancy > 0.0)) return 0.0;
-  const double choices = kMostForeign * static_cast<double>(n) * static_cast<double>(n);  // first points times lengths
+  const double count = static_cast<double>(n) / together;
+  const double choices = std::max(1.0, kMostForeign * count * count);  // first points times lengths
   const double ratio = (with.square_sum - without.square_sum) / rows / (without.square_sum / redundancy);
   return ratio / math::f_quantile(1.0 - kChance / choices, rows / together, redundancy / together);
 }

@@ -38,7 +38,7 @@ struct SplitRim {
 /// Two neighbours or more that lie off to the same side beyond 3.29 sigmas may be a stretch; it reaches as far as its points lie beyond 1.96. Points
 /// alone stay: the neighbours have told of them already.
 /// It is one if the fit without it is better than that with it by more than chance: (v'Pv - v'Pv without) / (its rows) over v'Pv without / redundancy is
-/// distributed as Fisher's F (with as many degrees of freedom as there are points that do not deviate together: in a form of its own neighbours do, as the correlations of u along the rim tell), and the largest of all stretches that could have been chosen passes the limit once in a thousand rims.
+/// distributed as Fisher's F (with as many degrees of freedom as there are points that do not deviate together: in a form of its own neighbours do, as the correlations of u along the rim tell), and the largest of all stretches that could have been chosen passes the limit once in a hundred rims.
 /// Nothing: there is none, or more than a quarter of the points would go, and then it is the nominal that is another one.
 [[nodiscard]] std::optional<SplitRim> without_foreign_stretches(const base::EdgeCurve& edge, const Nominal& nominal,
                                                                 const FitPart& fit_part);

@@ -282,7 +282,7 @@ TEST(NominalFit, FormAllRoundAndNoiseLeaveNothingOut) {
   ASSERT_TRUE(fit.has_value()) << fit.error().message;
   EXPECT_TRUE(fit->left_out.empty());
   EXPECT_TRUE(has_warning(*fit, "form"));
-  // Noise of twice what its sigmas say, over half a rim: all of them are looked at, and by chance one in a thousand loses a stretch.
+  // Noise of twice what its sigmas say, over half a rim: all of them are looked at, and by chance one in a hundred loses a stretch.
   int looked_at = 0;
   for (int seed = 0; seed < 25; ++seed) {
     EdgeCurve half = bent_circle(
