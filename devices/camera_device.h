@@ -45,6 +45,7 @@ struct CameraState {
   bool running = false;
   std::uint64_t frames = 0;      ///< delivered since start()
   std::uint64_t incomplete = 0;  ///< frames of which a part did not arrive; they are not delivered
+  int id_bits = 64;              ///< in which it counts its frames, FrameCheckOptions::id_bits
   std::string trouble = {};      ///< why nothing comes any more; empty: nothing is known to be wrong
 };
 
