@@ -16,3 +16,7 @@ find_package(mrcal REQUIRED)
 find_package(OpenCVModules REQUIRED COMPONENTS core imgproc features2d calib3d)
 list(APPEND CMAKE_PREFIX_PATH /usr/share/apriltag/cmake)  # where Debian's package puts it
 find_package(apriltag 3 REQUIRED)
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(aravis REQUIRED IMPORTED_TARGET aravis-0.8)
+# Its -pthread asks for nothing that Threads::Threads does not give, and would part its users from the precompiled headers.
+set_property(TARGET PkgConfig::aravis PROPERTY INTERFACE_COMPILE_OPTIONS)

@@ -2,6 +2,7 @@
 
 #include <crosstie/base/camera.h>
 #include <crosstie/bundle/adjust.h>
+#include <crosstie/devices/aravis_camera.h>
 #include <crosstie/markers/family.h>
 
 int main() {
@@ -14,5 +15,7 @@ int main() {
   const auto adjusted = crosstie::bundle::adjust({});
   std::printf("pixel %.1f %.1f, %zu ids, adjust: %s\n", pixel->x(), pixel->y(), family->codes.size(),
               adjusted ? "solved" : adjusted.error().message.c_str());
+  const auto camera_device = crosstie::devices::open_aravis_camera("");
+  if (camera_device) return 1;
   return family->codes.size() == 54 && !adjusted ? 0 : 1;
 }

@@ -1,0 +1,110 @@
+#include "devices/folder_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include <sys/stat.h>
+
+#include <fmt/format.h>
+
+#include "base/file.h"
+
+namespace crosstie::devices {
+
+namespace fs = std::filesystem;
+using base::ErrorCode;
+
+base::Result<> FolderWatchOptions::validate() const {
+  const std::string name = pattern.filename().string();
+  if (name.empty() || std::count(name.begin(), name.end(), '*') > 1 ||
+      pattern.parent_path().string().find('*') != std::string::npos) {
+    return base::fail(
+        ErrorCode::kUsage,
+        fmt::format("watch folder: \"{}\" must be a folder and a file's name with at most one *", base::shown(pattern)));
+  }
+  if (!std::isfinite(rest_s) || rest_s < 0.0) {
+    return base::fail(ErrorCode::kUsage, fmt::format("watch folder: files at rest for {} s", rest_s));
+  }
+  return {};
+}
+
+FolderWatch::FolderWatch(FolderWatchOptions options, Clock clock)
+    : options_(std::move(options)), clock_(std::move(clock)), folder_(options_.pattern.parent_path()) {
+  if (folder_.empty()) folder_ = ".";
+  const std::string name = options_.pattern.filename().string();
+  const std::size_t asterisk = name.find('*');
+  any_ = asterisk != std::string::npos;
+  before_ = name.substr(0, asterisk);
+  if (any_) after_ = name.substr(asterisk + 1);
+}
+
+base::Result<FolderLook> FolderWatch::look() {
+  const auto candidates = list();
+  if (!candidates) return tl::unexpected(candidates.error());
+  const HostTime now = clock_();
+  const bool skip = std::exchange(first_look_, false) && !options_.take_existing;
+  FolderLook found;
+  std::map<Identity, HostTime> at_rest;
+  for (const Candidate& candidate : *candidates) {
+    if (skip) done_.insert(candidate.identity);
+    if (done_.contains(candidate.identity)) continue;
+    const auto known = at_rest_.find(candidate.identity);
+    const HostTime since = known == at_rest_.end() ? now : known->second;
+    at_rest.emplace(candidate.identity, since);
+    if (seconds_between(since, now) >= options_.rest_s) read(candidate, found);
+  }
+  at_rest_ = std::move(at_rest);
+  return found;
+}
+
+base::Result<std::vector<FolderWatch::Candidate>> FolderWatch::list() const {
+  std::vector<Candidate> candidates;
+  std::error_code error;
+  fs::directory_iterator entry(folder_, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    const std::optional<std::string> key = key_of(entry->path().filename().string());
+    if (!key) continue;
+    if (const auto identity = identify(entry->path())) candidates.push_back({entry->path(), *key, *identity});
+  }
+  if (error && error != std::errc::no_such_file_or_directory) {
+    return base::fail(ErrorCode::kFileSystem, fmt::format("watch folder {}: {}", base::shown(folder_), error.message()));
+  }
+  const auto time_of = [](const Candidate& one) { return std::pair(std::get<3>(one.identity), std::get<4>(one.identity)); };
+  std::sort(candidates.begin(), candidates.end(), [&](const Candidate& a, const Candidate& b) {
+    return std::pair(time_of(a), a.path) < std::pair(time_of(b), b.path);
+  });
+  return candidates;
+}
+
+std::optional<FolderWatch::Identity> FolderWatch::identify(const fs::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode) || status.st_size == 0) return std::nullopt;
+  return Identity{status.st_dev, status.st_ino, status.st_size, status.st_mtim.tv_sec, status.st_mtim.tv_nsec};
+}
+
+std::optional<std::string> FolderWatch::key_of(const std::string& name) const {
+  if (!any_) return name == before_ ? std::optional<std::string>("") : std::nullopt;
+  if (name.front() == '.' && before_.empty()) return std::nullopt;  // hidden: what is being copied often is
+  if (name.size() < before_.size() + after_.size() || !name.starts_with(before_) || !name.ends_with(after_))
+    return std::nullopt;
+  return name.substr(before_.size(), name.size() - before_.size() - after_.size());
+}
+
+void FolderWatch::read(const Candidate& candidate, FolderLook& found) {
+  auto image = base::read_image(candidate.path);
+  // Renamed, removed or written again while it was read: not this image.
+  if (identify(candidate.path) != candidate.identity) return;
+  done_.insert(candidate.identity);
+  if (!image) {
+    found.warnings.push_back({"unreadable_image", base::shown(candidate.path), image.error().message});
+    return;
+  }
+  const auto changed =
+      std::chrono::seconds(std::get<3>(candidate.identity)) + std::chrono::nanoseconds(std::get<4>(candidate.identity));
+  found.images.push_back({candidate.path, candidate.key, changed, *std::move(image)});
+}
+
+}  // namespace crosstie::devices

@@ -1,0 +1,265 @@
+#include "devices/aravis_camera.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+#include <string_view>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "devices/frame_check.h"
+#include "devices/gige_simulator.h"
+#include "devices/newest_queue.h"
+
+namespace crosstie::devices {
+namespace {
+
+using base::ErrorCode;
+using ::testing::HasSubstr;
+
+constexpr const char* kAddress = "127.0.0.1";
+constexpr int kWidth = 96, kHeight = 64;  // a few packets: they fit into any socket's buffer
+
+/// GigE Vision has one port for all cameras of an address: tests that run at the same time take turns. A name in the abstract namespace of
+/// local sockets belongs to one process of the host, like the port, and is free again when that ends.
+class Turn {
+ public:
+  Turn() : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_un name{};
+    name.sun_family = AF_UNIX;
+    constexpr std::string_view kName = "crosstie-gige-tests";
+    std::copy(kName.begin(), kName.end(), name.sun_path + 1);
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(5);
+    while (::bind(socket_, reinterpret_cast<const sockaddr*>(&name), sizeof name) != 0) {
+      if (std::chrono::steady_clock::now() > end) throw std::runtime_error("other tests keep the port of GigE cameras");
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+  }
+  Turn(const Turn&) = delete;
+  Turn& operator=(const Turn&) = delete;
+  ~Turn() { ::close(socket_); }
+
+ private:
+  int socket_;
+};
+
+/// The grey level of a pixel of exposure `number`: no two neighbours, rows or exposures are alike.
+int grey(int x, int y, int number) { return (7 * x + 13 * y + 29 * number) % 251; }
+
+/// Whether frames came in the order of their ids and times; a busy machine may lose some.
+bool in_order(const std::vector<FrameHeader>& headers) {
+  const auto findings = check_frames(headers, {.id_bits = 16});
+  return findings && std::all_of(findings->begin(), findings->end(),
+                                 [](const FrameFinding& finding) { return finding.fault == FrameFault::kLost; });
+}
+
+class AravisCameraTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    plug_in();
+    if (!simulator_) GTEST_SKIP() << "no GigE camera can be simulated here: " << why_not_;
+  }
+
+  void plug_in() {
+    auto simulator = simulate_gige_camera(
+        kAddress, "SIM0", [this](const GigeExposure& exposure, std::span<std::byte> pixels) { fill(exposure, pixels); });
+    if (!simulator) {
+      why_not_ = simulator.error().message;
+      return;
+    }
+    simulator_ = *std::move(simulator);
+  }
+
+  void fill(const GigeExposure& exposure, std::span<std::byte> pixels) {
+    const int number = exposures_++;
+    exposure_us_ = static_cast<int>(std::lround(1e6 * exposure.exposure_s));
+    gain_ = static_cast<int>(exposure.gain);
+    const std::size_t sample_bytes = exposure.format == PixelFormat::kMono8 ? 1 : 2;
+    for (int y = 0; y < exposure.height_px; ++y) {
+      for (int x = 0; x < exposure.width_px; ++x) {
+        const auto i = sample_bytes * static_cast<std::size_t>(y * exposure.width_px + x);
+        pixels[i] = static_cast<std::byte>(grey(x, y, number));
+        if (sample_bytes == 2) pixels[i + 1] = static_cast<std::byte>(y);
+      }
+    }
+  }
+
+  static CameraSettings triggered(PixelFormat format = PixelFormat::kMono8) {
+    return {.exposure_s = 0.005,
+            .gain = 3.0,
+            .format = format,
+            .trigger = TriggerMode::kSoftware,
+            .width_px = kWidth,
+            .height_px = kHeight};
+  }
+
+  /// Triggers until a frame comes: the network may lose one on a busy machine.
+  static std::optional<Frame> next_frame(CameraDevice& camera, NewestQueue<Frame>& queue) {
+    for (int attempt = 0; attempt < 15; ++attempt) {
+      if (const auto triggered = camera.trigger(); !triggered) {
+        ADD_FAILURE() << triggered.error().message;
+        return std::nullopt;
+      }
+      auto frame = queue.pop(2.0);
+      if (!frame) {
+        ADD_FAILURE() << frame.error().message;
+        return std::nullopt;
+      }
+      if (*frame) return std::move(*frame);
+    }
+    ADD_FAILURE() << "no frame came";
+    return std::nullopt;
+  }
+  static FrameSink into(NewestQueue<Frame>& queue) {
+    return [&queue](base::Result<Frame> frame) { queue.push(std::move(frame)); };
+  }
+
+  Turn turn_;
+  std::string why_not_;
+  std::atomic<int> exposures_ = 0, exposure_us_ = 0, gain_ = 0;
+  std::unique_ptr<GigeSimulator> simulator_;
+};
+
+TEST_F(AravisCameraTest, FramesArriveWithTheirPixelsIdsAndTimes) {
+  const auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  NewestQueue<Frame> queue(4);
+  const auto taken = (*camera)->start(triggered(), into(queue));
+  ASSERT_TRUE(taken) << taken.error().message;
+  EXPECT_EQ(taken->exposure_s, 0.005);
+  EXPECT_EQ(taken->width_px, kWidth);
+  EXPECT_EQ((*camera)->state().id_bits, 16);
+  const HostTime begin = host_now();
+  std::vector<FrameHeader> headers;
+  std::optional<std::uint64_t> id_of_exposure_0;
+  for (int i = 0; i < 5; ++i) {
+    const auto frame = next_frame(**camera, queue);
+    ASSERT_TRUE(frame);
+    headers.push_back(frame->header);
+    // The simulator numbers its exposures, the camera its frames: both advance together.
+    if (!id_of_exposure_0) id_of_exposure_0 = frame->header.id - static_cast<std::uint64_t>(exposures_ - 1);
+    const int number = static_cast<int>(frame->header.id - *id_of_exposure_0);
+    ASSERT_EQ(frame->image.width(), kWidth);
+    ASSERT_EQ(frame->image.height(), kHeight);
+    ASSERT_EQ(frame->image.bits(), 8);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x)
+        ASSERT_EQ(frame->image.view().row<std::uint8_t>(y)[x], grey(x, y, number)) << x << ", " << y;
+    }
+    EXPECT_GT(frame->header.host_time, begin);
+    EXPECT_LE(frame->header.host_time, host_now());
+  }
+  EXPECT_EQ(exposure_us_, 5000);  // what the camera was told
+  EXPECT_EQ(gain_, 3);
+  EXPECT_TRUE(in_order(headers));
+  EXPECT_EQ((*camera)->state().frames, 5u);
+  (*camera)->stop();
+  EXPECT_EQ((*camera)->trigger().error().code, ErrorCode::kDevice);
+}
+
+TEST_F(AravisCameraTest, GreyLevelsOf16BitsArriveWhole) {
+  const auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  NewestQueue<Frame> queue(4);
+  ASSERT_TRUE((*camera)->start(triggered(PixelFormat::kMono16), into(queue)));
+  const auto frame = next_frame(**camera, queue);
+  ASSERT_TRUE(frame);
+  ASSERT_EQ(frame->image.bits(), 16);
+  EXPECT_EQ(frame->image.white_level(), 65535.0);
+  const int number = exposures_ - 1;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) ASSERT_EQ(frame->image.view().row<std::uint16_t>(y)[x], 256 * y + grey(x, y, number));
+  }
+}
+
+TEST_F(AravisCameraTest, RunningFreelyItsCountStartsOverAndNothingIsOutOfOrder) {
+  const auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  NewestQueue<Frame> queue(1000);
+  ASSERT_TRUE((*camera)->start({.frame_rate_hz = 500.0, .width_px = kWidth, .height_px = kHeight}, into(queue)));
+  std::vector<FrameHeader> headers;
+  while (headers.empty() || headers.back().id > 1000) {  // the simulator begins near the end of its 16 bits
+    const auto frame = queue.pop(30.0);
+    ASSERT_TRUE(frame && *frame);
+    headers.push_back((*frame)->header);
+    ASSERT_LT(headers.size(), 1000u);
+  }
+  EXPECT_GT(headers.front().id, 65'000u);
+  EXPECT_TRUE(in_order(headers));
+}
+
+TEST_F(AravisCameraTest, ALostCameraIsReportedAndConnectedAgain) {
+  const auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  NewestQueue<Frame> queue(4);
+  ASSERT_TRUE((*camera)->start(triggered(), into(queue)));
+  ASSERT_TRUE(next_frame(**camera, queue));
+
+  simulator_.reset();
+  const auto absent = open_aravis_camera("SIM0");
+  ASSERT_FALSE(absent);
+  EXPECT_EQ(absent.error().code, ErrorCode::kDevice);
+  auto ended = queue.pop(60.0);
+  while (ended && *ended) ended = queue.pop(60.0);  // frames before it
+  ASSERT_FALSE(ended);
+  EXPECT_EQ(ended.error().code, ErrorCode::kDevice);
+  EXPECT_THAT(ended.error().message, HasSubstr("does not answer any more"));
+  EXPECT_FALSE((*camera)->state().running);
+  EXPECT_THAT((*camera)->state().trouble, HasSubstr("does not answer"));
+  EXPECT_EQ((*camera)->trigger().error().code, ErrorCode::kDevice);
+
+  plug_in();
+  ASSERT_TRUE(simulator_) << why_not_;
+  NewestQueue<Frame> again(4);
+  const auto started = (*camera)->start(triggered(), into(again));
+  ASSERT_TRUE(started) << started.error().message;
+  EXPECT_TRUE(next_frame(**camera, again));
+}
+
+TEST_F(AravisCameraTest, WhatTheCameraCannotDoIsRefusedByName) {
+  const auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  const FrameSink nowhere = [](const base::Result<Frame>&) {};
+  const auto format = (*camera)->start(triggered(PixelFormat::kMono12), nowhere);
+  ASSERT_FALSE(format);
+  EXPECT_EQ(format.error().code, ErrorCode::kDevice);
+  EXPECT_THAT(format.error().message, HasSubstr("Mono12; it offers"));
+  EXPECT_THAT(format.error().message, HasSubstr("Mono16"));
+  CameraSettings line = triggered();
+  line.trigger = TriggerMode::kHardware;
+  line.trigger_line = "Line7";
+  EXPECT_THAT((*camera)->start(line, nowhere).error().message, HasSubstr("Line7"));
+  CameraSettings region = triggered();
+  region.width_px = 5000;
+  EXPECT_EQ((*camera)->start(region, nowhere).error().code, ErrorCode::kDevice);
+  EXPECT_FALSE((*camera)->state().running);
+  line.trigger_line = "Line0";
+  EXPECT_TRUE((*camera)->start(line, nowhere));
+  EXPECT_EQ((*camera)->trigger().error().code, ErrorCode::kUsage);
+  EXPECT_EQ((*camera)->start(line, nowhere).error().code, ErrorCode::kUsage);
+}
+
+TEST_F(AravisCameraTest, IsFoundByAskingTheNetwork) {
+  const std::vector<FoundCamera> found = find_aravis_cameras();
+  const auto simulated = std::find_if(found.begin(), found.end(), [](const FoundCamera& one) { return one.serial == "SIM0"; });
+  ASSERT_NE(simulated, found.end());
+  EXPECT_EQ(simulated->address, kAddress);
+  EXPECT_EQ(simulated->protocol, "GigEVision");
+  EXPECT_TRUE(open_aravis_camera(simulated->id));
+}
+
+TEST_F(AravisCameraTest, APortThatIsTakenIsToldOf) {
+  const auto second = simulate_gige_camera(kAddress, "SIM1", [](const GigeExposure&, std::span<std::byte>) {});
+  ASSERT_FALSE(second);
+  EXPECT_THAT(second.error().message, HasSubstr("3956"));
+}
+
+}  // namespace
+}  // namespace crosstie::devices
