@@ -137,7 +137,9 @@ void expect_the_same(const Measured& coarse, const Measured& fine, const Half& h
   // The goal; with each scan's own image a plain method is 0.18 mm (right) and 0.28 mm (left) apart. Arcs that end some degrees elsewhere and other lengths of
   // cells move a diameter by 0.15 and 0.06 mm (right, coarse and fine) and by 0.03 mm (left), since near and far sides of the chamfer are mixed: it is met
   // or not by chance on the right, and should not be asked for before that is mended.
-  if (wants_bars()) EXPECT_LT(std::abs(coarse.diameter_mm - fine.diameter_mm), 0.10);
+  if (wants_bars()) {
+    EXPECT_LT(std::abs(coarse.diameter_mm - fine.diameter_mm), 0.10);
+  }
   // The head is the same in both: by the rim alone, whose chamfer looks different from both sides, it was 0.3 px apart.
   EXPECT_GT(coarse.apart_px, 0.8);
   EXPECT_LT(std::abs(coarse.apart_px - fine.apart_px), 0.15);
