@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <mutex>
-#include <optional>
 #include <span>
+#include <stop_token>
+#include <string_view>
 #include <thread>
 #include <utility>
 

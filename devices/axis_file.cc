@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include <fcntl.h>
 #include <sys/stat.h>
-
-#include <fmt/format.h>
 
 #include "base/file.h"
 #include "base/text.h"

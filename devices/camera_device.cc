@@ -1,6 +1,7 @@
 #include "devices/camera_device.h"
 
 #include <cmath>
+#include <string_view>
 
 #include <fmt/format.h>
 

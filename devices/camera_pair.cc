@@ -1,7 +1,9 @@
 #include "devices/camera_pair.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <utility>
 #include <vector>
 

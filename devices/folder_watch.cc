@@ -1,7 +1,9 @@
 #include "devices/folder_watch.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <optional>
 #include <system_error>
 #include <utility>

@@ -16,6 +16,7 @@ namespace crosstie::devices {
 
 /// Hands items from one thread to another, never more than `capacity` at a time: where the taker is slower, the oldest are dropped
 /// and counted, so that what is shown is new and memory is bounded. For measuring, where every frame counts, `dropped` must stay 0.
+/// Make it before the camera whose sink pushes into it: it must outlive that.
 template <typename T>
 class NewestQueue {
  public:
@@ -23,18 +24,16 @@ class NewestQueue {
 
   /// Never waits. An error ends the queue: it is handed out after the items before it, again and again.
   void push(base::Result<T> item) {
-    {
-      const std::lock_guard lock(mutex_);
-      if (ended_) return;
-      if (!item) {
-        ended_ = std::move(item).error();
-      } else {
-        if (items_.size() == capacity_) {
-          items_.pop_front();
-          ++dropped_;
-        }
-        items_.push_back(*std::move(item));
+    const std::lock_guard lock(mutex_);
+    if (ended_) return;
+    if (!item) {
+      ended_ = std::move(item).error();
+    } else {
+      if (items_.size() == capacity_) {
+        items_.pop_front();
+        ++dropped_;
       }
+      items_.push_back(*std::move(item));
     }
     changed_.notify_all();
   }

@@ -1,6 +1,7 @@
 #include "devices/simulated_camera.h"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include <fmt/format.h>

@@ -4,7 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
-#include <cmath>
+#include <cstddef>
 #include <utility>
 
 #include <poll.h>

@@ -1,7 +1,5 @@
 #include "devices/detail/line_splitter.h"
 
-#include <algorithm>
-
 namespace crosstie::devices::detail {
 
 void LineSplitter::push(std::string_view bytes, const std::function<void(std::string_view)>& line,

@@ -1,5 +1,7 @@
 #include "devices/detail/shown_line.h"
 
+#include <cstddef>
+
 #include <fmt/format.h>
 
 namespace crosstie::devices::detail {

@@ -4,9 +4,17 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -128,9 +136,9 @@ class AravisCameraTest : public ::testing::Test {
 };
 
 TEST_F(AravisCameraTest, FramesArriveWithTheirPixelsIdsAndTimes) {
+  NewestQueue<Frame> queue(4);
   const auto camera = open_aravis_camera(kAddress);
   ASSERT_TRUE(camera) << camera.error().message;
-  NewestQueue<Frame> queue(4);
   const auto taken = (*camera)->start(triggered(), into(queue));
   ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_EQ(taken->exposure_s, 0.005);
@@ -165,9 +173,9 @@ TEST_F(AravisCameraTest, FramesArriveWithTheirPixelsIdsAndTimes) {
 }
 
 TEST_F(AravisCameraTest, GreyLevelsOf16BitsArriveWhole) {
+  NewestQueue<Frame> queue(4);
   const auto camera = open_aravis_camera(kAddress);
   ASSERT_TRUE(camera) << camera.error().message;
-  NewestQueue<Frame> queue(4);
   ASSERT_TRUE((*camera)->start(triggered(PixelFormat::kMono16), into(queue)));
   const auto frame = next_frame(**camera, queue);
   ASSERT_TRUE(frame);
@@ -180,9 +188,9 @@ TEST_F(AravisCameraTest, GreyLevelsOf16BitsArriveWhole) {
 }
 
 TEST_F(AravisCameraTest, RunningFreelyItsCountStartsOverAndNothingIsOutOfOrder) {
+  NewestQueue<Frame> queue(1000);
   const auto camera = open_aravis_camera(kAddress);
   ASSERT_TRUE(camera) << camera.error().message;
-  NewestQueue<Frame> queue(1000);
   ASSERT_TRUE((*camera)->start({.frame_rate_hz = 500.0, .width_px = kWidth, .height_px = kHeight}, into(queue)));
   std::vector<FrameHeader> headers;
   while (headers.empty() || headers.back().id > 1000) {  // the simulator begins near the end of its 16 bits
@@ -196,9 +204,10 @@ TEST_F(AravisCameraTest, RunningFreelyItsCountStartsOverAndNothingIsOutOfOrder) 
 }
 
 TEST_F(AravisCameraTest, ALostCameraIsReportedAndConnectedAgain) {
+  NewestQueue<Frame> queue(4);
+  NewestQueue<Frame> again(4);
   const auto camera = open_aravis_camera(kAddress);
   ASSERT_TRUE(camera) << camera.error().message;
-  NewestQueue<Frame> queue(4);
   ASSERT_TRUE((*camera)->start(triggered(), into(queue)));
   ASSERT_TRUE(next_frame(**camera, queue));
 
@@ -217,7 +226,6 @@ TEST_F(AravisCameraTest, ALostCameraIsReportedAndConnectedAgain) {
 
   plug_in();
   ASSERT_TRUE(simulator_) << why_not_;
-  NewestQueue<Frame> again(4);
   const auto started = (*camera)->start(triggered(), into(again));
   ASSERT_TRUE(started) << started.error().message;
   EXPECT_TRUE(next_frame(**camera, again));

@@ -1,7 +1,11 @@
 #include "devices/axis_file.h"
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <optional>
+#include <string>
+#include <string_view>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,6 +1,8 @@
 #include "devices/axis_line.h"
 
 #include <limits>
+#include <string>
+#include <utility>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,5 +1,6 @@
 #include "devices/axis_reader.h"
 
+#include <chrono>
 #include <limits>
 
 #include <gmock/gmock.h>

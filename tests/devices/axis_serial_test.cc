@@ -1,5 +1,7 @@
 #include <filesystem>
+#include <memory>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 
 #include <fcntl.h>

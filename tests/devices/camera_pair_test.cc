@@ -1,7 +1,11 @@
 #include "devices/camera_pair.h"
 
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
 #include <random>
-#include <set>
+#include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -129,8 +133,8 @@ class CameraPairTest : public ::testing::Test {
 };
 
 TEST_F(CameraPairTest, OneTriggerIsOnePair) {
-  CameraPair cameras(left_, right_);
   NewestQueue<FramePair> queue(8);
+  CameraPair cameras(left_, right_);
   ASSERT_TRUE(
       cameras.start({.trigger = TriggerMode::kSoftware}, [&](base::Result<FramePair> pair) { queue.push(std::move(pair)); }));
   for (int i = 1; i <= 3; ++i) {
@@ -147,8 +151,8 @@ TEST_F(CameraPairTest, OneTriggerIsOnePair) {
 }
 
 TEST_F(CameraPairTest, ALostCameraEndsThePair) {
-  CameraPair cameras(left_, right_);
   NewestQueue<FramePair> queue(8);
+  CameraPair cameras(left_, right_);
   ASSERT_TRUE(
       cameras.start({.trigger = TriggerMode::kSoftware}, [&](base::Result<FramePair> pair) { queue.push(std::move(pair)); }));
   right_.unplug();

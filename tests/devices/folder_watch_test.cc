@@ -1,8 +1,13 @@
 #include "devices/folder_watch.h"
 
+#include <chrono>
+#include <cstddef>
 #include <filesystem>
-#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

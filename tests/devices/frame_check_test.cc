@@ -1,7 +1,11 @@
 #include "devices/frame_check.h"
 
+#include <chrono>
 #include <limits>
+#include <string>
+#include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,6 +1,9 @@
 #include "devices/detail/line_splitter.h"
 
+#include <algorithm>
 #include <random>
+#include <string>
+#include <vector>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

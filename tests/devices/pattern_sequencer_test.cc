@@ -1,7 +1,13 @@
 #include "devices/pattern_sequencer.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,5 +1,9 @@
 #include "devices/detail/raw_pixels.h"
 
+#include <cstdint>
+#include <tuple>
+#include <vector>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,6 +1,11 @@
 #include "devices/simulated_camera.h"
 
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -81,8 +86,8 @@ TEST(SimulatedCamera, AFrameThatIsNotRenderedIsLost) {
 }
 
 TEST(SimulatedCamera, RunsFreelyUntilItIsStopped) {
-  SimulatedCamera camera("left", numbered);
   NewestQueue<Frame> queue(100'000);
+  SimulatedCamera camera("left", numbered);
   ASSERT_TRUE(camera.start({.frame_rate_hz = 1000.0}, [&](base::Result<Frame> frame) { queue.push(std::move(frame)); }));
   std::vector<FrameHeader> headers;
   for (int i = 0; i < 20; ++i) headers.push_back((**queue.pop(30.0)).header);
@@ -98,8 +103,9 @@ TEST(SimulatedCamera, RunsFreelyUntilItIsStopped) {
 }
 
 TEST(SimulatedCamera, ALostCameraSaysSoOnceAndStartsAgain) {
-  SimulatedCamera camera("left", numbered);
   NewestQueue<Frame> queue(4);
+  NewestQueue<Frame> again(4);
+  SimulatedCamera camera("left", numbered);
   ASSERT_TRUE(camera.start({.frame_rate_hz = 500.0}, [&](base::Result<Frame> frame) { queue.push(std::move(frame)); }));
   ASSERT_TRUE((*queue.pop(30.0)).has_value());
   camera.unplug();
@@ -110,7 +116,6 @@ TEST(SimulatedCamera, ALostCameraSaysSoOnceAndStartsAgain) {
   EXPECT_THAT(camera.state().trouble, HasSubstr("lost"));
   EXPECT_FALSE(camera.state().running);
 
-  NewestQueue<Frame> again(4);
   ASSERT_TRUE(camera.start({.frame_rate_hz = 500.0}, [&](base::Result<Frame> frame) { again.push(std::move(frame)); }));
   EXPECT_TRUE((*again.pop(30.0)).has_value());
   EXPECT_EQ(camera.state().trouble, "");

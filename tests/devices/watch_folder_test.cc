@@ -1,7 +1,13 @@
 #include "devices/watch_folder.h"
 
+#include <chrono>
+#include <cmath>
+#include <cstdint>
 #include <filesystem>
+#include <string>
+#include <utility>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -37,8 +43,8 @@ class WatchFolderTest : public ::testing::Test {
 };
 
 TEST_F(WatchFolderTest, FilesComeAsFramesOfACamera) {
-  const auto camera = *watch_folder_camera(options("*.png"));
   NewestQueue<Frame> queue(8);
+  const auto camera = *watch_folder_camera(options("*.png"));
   ASSERT_TRUE(camera->start({}, [&](base::Result<Frame> frame) { queue.push(std::move(frame)); }));
   for (const int level : {10, 20}) {
     put(fmt::format("{}.png", level), grey_png(level));
@@ -57,8 +63,8 @@ TEST_F(WatchFolderTest, FilesComeAsFramesOfACamera) {
 }
 
 TEST_F(WatchFolderTest, ADamagedImageIsToldOf) {
-  const auto camera = *watch_folder_camera(options("*.png"));
   NewestQueue<Frame> queue(8);
+  const auto camera = *watch_folder_camera(options("*.png"));
   ASSERT_TRUE(camera->start({}, [&](base::Result<Frame> frame) { queue.push(std::move(frame)); }));
   put("damaged.png", grey_png(1).substr(0, 60));
   ASSERT_TRUE(eventually([&] { return camera->state().incomplete == 1; }));
@@ -69,8 +75,8 @@ TEST_F(WatchFolderTest, ADamagedImageIsToldOf) {
 }
 
 TEST_F(WatchFolderTest, PairsByName) {
-  const auto pairs = *watch_folder_pair(options("L_*.png"), options("R_*.png"));
   NewestQueue<FramePair> queue(8);
+  const auto pairs = *watch_folder_pair(options("L_*.png"), options("R_*.png"));
   ASSERT_TRUE(pairs->start({}, [&](base::Result<FramePair> pair) { queue.push(std::move(pair)); }));
   put("L_001.png", grey_png(1));
   put("R_002.png", grey_png(102));
