@@ -1,4 +1,5 @@
 // docs/troubleshooting.md names every warning that the sources can make, and no other; the refusals that it quotes are the sources' words.
+// docs/how-good.md has every limit of a job.
 
 #include <algorithm>
 #include <filesystem>
@@ -160,6 +161,17 @@ TEST(TroubleshootingPage, QuotesRefusalsAsTheyStandInTheSources) {
     EXPECT_TRUE(std::any_of(literals.begin(), literals.end(), [&](const std::string& text) { return holds(text, quote); }))
         << "no source says: " << quote;
   }
+}
+
+/// docs/how-good.md has a row for each key of [limits], and for no other.
+TEST(HowGoodPage, HasEveryLimitAndNoOther) {
+  const fs::path root = CROSSTIE_SOURCE_DIR;
+  const std::string code = plain(tests::read_all(root / "app" / "job_limits.cc"));
+  static const std::regex key(R"re(number\("([a-z0-9_]+)")re");
+  std::set<std::string> limits;
+  for (std::sregex_iterator i(code.begin(), code.end(), key), end; i != end; ++i) limits.insert((*i)[1]);
+  EXPECT_GT(limits.size(), 10U);
+  EXPECT_EQ(first_cells(tests::read_all(root / "docs" / "how-good.md"), "Limits"), limits);
 }
 
 }  // namespace
