@@ -1,6 +1,7 @@
 #include "app/job_index.h"
 
-#include <algorithm>
+#include <string>
+#include <system_error>
 #include <vector>
 
 #include <fmt/format.h>
@@ -17,16 +18,26 @@ namespace {
 namespace fs = std::filesystem;
 using base::Result;
 
-/// The folders of a step's results: its own, or one for each station.
-std::vector<fs::path> folders_of(const fs::path& folder) {
-  std::error_code none;
-  if (fs::exists(folder / "result.json", none)) return {folder};
-  std::vector<fs::path> folders;
-  for (fs::directory_iterator entry(folder, none), end; !none && entry != end; entry.increment(none)) {
-    if (fs::exists(entry->path() / "result.json", none)) folders.push_back(entry->path());
-  }
-  std::sort(folders.begin(), folders.end());
-  return folders;
+/// A result that the job asks for, by its name and its folder in the job's results.
+struct Wanted {
+  std::string name;
+  fs::path folder;
+};
+
+std::vector<Wanted> results_of(const JobStep& step, const Job& job) {
+  const std::string name(step.name);
+  if (step.parts == nullptr) return {{name, step.folder}};
+  std::vector<Wanted> results;
+  for (const std::string& part : step.parts(job))
+    results.push_back({fmt::format("{} {}", name, part), fs::path(step.folder) / part});
+  return results;
+}
+
+/// A page that says the same is left alone: a job that is up to date may lie where nobody writes.
+Result<> write_if_other(const fs::path& path, const std::string& page) {
+  const auto present = base::read_file(path);
+  if (present && *present == page) return {};
+  return base::write_file_atomically(path, page);
 }
 
 }  // namespace
@@ -35,22 +46,22 @@ Result<> write_job_index(const Job& job, const fs::path& results) {
   report::JobOverview overview{
       .job = job.name, .date = job.date ? base::format_date(*job.date) : std::string(), .results = {}, .not_done = {}};
   for (const JobStep* step : steps_of(job)) {
-    const std::vector<fs::path> folders = folders_of(results / step->folder);
-    if (folders.empty()) overview.not_done.emplace_back(step->name);
-    for (const fs::path& folder : folders) {
-      auto envelope = base::read_envelope(folder);
-      if (!envelope) return base::fail(std::move(envelope));
-      const bool of_station = folder != results / step->folder;
+    for (const Wanted& one : results_of(*step, job)) {
       std::error_code none;
-      const bool has_page = fs::exists(folder / "report.html", none);
-      overview.results.push_back(
-          {.name = of_station ? fmt::format("{} {}", step->name, folder.filename().string()) : std::string(step->name),
-           .page = has_page ? (folder.lexically_relative(results) / "report.html").generic_string() : std::string(),
-           .envelope = *std::move(envelope)});
+      if (!fs::exists(results / one.folder / "result.json", none)) {
+        overview.not_done.push_back(one.name);
+        continue;
+      }
+      auto envelope = base::read_envelope(results / one.folder);
+      if (!envelope) return base::fail(std::move(envelope));
+      const fs::path page = one.folder / "report.html";
+      overview.results.push_back({.name = one.name,
+                                  .page = fs::exists(results / page, none) ? page.generic_string() : std::string(),
+                                  .envelope = *std::move(envelope)});
     }
   }
   if (overview.results.empty()) return {};
-  return base::write_file_atomically(results / "index.html", report::job_report(overview));
+  return write_if_other(results / "index.html", report::job_report(overview));
 }
 
 Result<Outcome> with_index(const Job& job, Result<Outcome> ended) {

@@ -8,8 +8,8 @@
 
 namespace crosstie::app {
 
-/// Writes index.html into the job's `results`: the overview of all results that stand there, with links to their reports. Every verb that
-/// puts a result there calls it, so that the page is never older than what it tells of; where nothing changed it gets the same bytes.
+/// Writes index.html into the job's `results`: the overview of all results that the job asks for, with links to their reports. Every verb that
+/// puts a result there calls it, so that the page is never older than what it tells of; where it says the same it is left alone.
 base::Result<> write_job_index(const Job& job, const std::filesystem::path& results);
 
 /// How a verb ended that put its result into the job's results, after the overview was written anew.

@@ -178,6 +178,13 @@ JobStep scan() {
             const auto outcome = scan_stations(*scans, tell, at.session);
             if (!outcome) return tl::unexpected(outcome.error());
             return StepOutcome{out, summary, current, *outcome};
+          },
+          [](const Job& job) {
+            std::vector<std::string> stations;
+            for (const JobStation& one : job.stations) {
+              if (one.scan) stations.push_back(one.name);
+            }
+            return stations;
           }};
 }
 

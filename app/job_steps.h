@@ -28,6 +28,8 @@ struct JobStep {
   /// Files of the job that it reads, besides job.toml and the results of other steps.
   base::Result<std::vector<std::filesystem::path>> (*files)(const Job&);
   base::Result<StepOutcome> (*run)(const StepRun&, const std::filesystem::path& out);
+  /// Its results where there are several, each in a folder of this name in the step's: the stations' scans. nullptr: one result.
+  std::vector<std::string> (*parts)(const Job&) = nullptr;
 };
 
 /// All steps in the order of the data flow. A new one is a line of this table.

@@ -46,7 +46,7 @@ Result<std::string> read_file(const std::filesystem::path& path, std::size_t max
   auto file = detail::open_regular(path);
   if (!file) return fail(std::move(file));
   struct stat status {};
-  if (::fstat(file->get(), &status) != 0) return detail::system_failure("read", path, errno);
+  if (::fstat(file->number(), &status) != 0) return detail::system_failure("read", path, errno);
   const auto expected = static_cast<std::size_t>(std::max<off_t>(status.st_size, 0));
   if (expected > max_bytes) return too_large(path, max_bytes);
 
@@ -54,7 +54,7 @@ Result<std::string> read_file(const std::filesystem::path& path, std::size_t max
   std::string contents(expected + 1, '\0');
   std::size_t size = 0;
   for (;;) {
-    const long count = detail::read_some(file->get(), contents.data() + size, contents.size() - size);
+    const long count = detail::read_some(file->number(), contents.data() + size, contents.size() - size);
     if (count < 0) return detail::system_failure("read", path, errno);
     if (count == 0) break;
     size += static_cast<std::size_t>(count);
@@ -87,7 +87,7 @@ Result<std::string> sha256_of_file(const std::filesystem::path& path) {
   Sha256 sum;
   std::string buffer(std::size_t{1} << 20, '\0');
   for (;;) {
-    const long count = detail::read_some(file->get(), buffer.data(), buffer.size());
+    const long count = detail::read_some(file->number(), buffer.data(), buffer.size());
     if (count < 0) return detail::system_failure("read", path, errno);
     if (count == 0) return sum.hex();
     sum.feed({buffer.data(), static_cast<std::size_t>(count)});

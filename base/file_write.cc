@@ -16,7 +16,6 @@
 namespace crosstie::base {
 namespace {
 
-using detail::Descriptor;
 using detail::system_failure;
 
 /// While it lives, a write over the process's file size limit fails with EFBIG instead of ending the process by SIGXFSZ.
@@ -64,16 +63,16 @@ class TemporaryFile {
 
   Result<> fill(std::string_view contents, const std::filesystem::path& target) {
     while (!contents.empty()) {
-      const ssize_t count = ::write(file_.get(), contents.data(), contents.size());
+      const ssize_t count = ::write(file_.number(), contents.data(), contents.size());
       if (count < 0 && errno != EINTR) return system_failure("write", target, errno);
       if (count > 0) contents.remove_prefix(static_cast<std::size_t>(count));
     }
-    if (::fsync(file_.get()) != 0) return system_failure("write", target, errno);
+    if (::fsync(file_.number()) != 0) return system_failure("write", target, errno);
     if (file_.close() != 0 && errno != EINTR) return system_failure("write", target, errno);
     return {};
   }
 
-  void keep_mode(mode_t mode) { static_cast<void>(::fchmod(file_.get(), mode & 07777)); }
+  void keep_mode(mode_t mode) { static_cast<void>(::fchmod(file_.number(), mode & 07777)); }
 
   Result<> become(const std::filesystem::path& target) {
     if (::rename(path_.c_str(), target.c_str()) != 0) return system_failure("write", target, errno);
@@ -85,13 +84,13 @@ class TemporaryFile {
   TemporaryFile(std::filesystem::path path, int fd) : path_(std::move(path)), file_(fd) {}
 
   std::filesystem::path path_;
-  Descriptor file_;
+  FileDescriptor file_;
 };
 
 /// Makes the new name itself survive a loss of power. Some file systems cannot sync a folder, which is no failure of the write.
 void sync_folder(const std::filesystem::path& folder) {
-  const Descriptor file(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (file.get() >= 0) static_cast<void>(::fsync(file.get()));
+  const FileDescriptor file(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (file.valid()) static_cast<void>(::fsync(file.number()));
 }
 
 }  // namespace

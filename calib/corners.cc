@@ -70,12 +70,9 @@ class CornerGrid {
   }
   /// Distance from a corner to the next parallel line of the board.
   [[nodiscard]] double clearance_px(int column, int row) const {
-    double least = std::numeric_limits<double>::infinity();
     const Eigen::Vector2d along = step(column, row, 1, 0);
     const Eigen::Vector2d down = step(column, row, 0, 1);
-    const double area = std::abs(along.x() * down.y() - along.y() * down.x());
-    for (const Eigen::Vector2d& side : {along, down}) least = std::min(least, area / side.norm());
-    return least;
+    return std::abs(along.x() * down.y() - along.y() * down.x()) / std::max(along.norm(), down.norm());
   }
 
  private:

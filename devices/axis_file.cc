@@ -13,8 +13,8 @@
 #include <sys/stat.h>
 
 #include "base/file.h"
+#include "base/file_descriptor.h"
 #include "base/text.h"
-#include "devices/detail/file_descriptor.h"
 
 namespace crosstie::devices {
 namespace {
@@ -42,16 +42,16 @@ std::chrono::nanoseconds age_of(std::chrono::nanoseconds changed) {
 }
 
 base::Result<Tail> read_tail(const std::filesystem::path& path) {
-  const detail::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   struct stat status {};
   if (!file.valid() || ::fstat(file.number(), &status) != 0)
-    return base::fail(ErrorCode::kFileSystem, detail::last_system_error());
+    return base::fail(ErrorCode::kFileSystem, base::last_system_error());
   if (!S_ISREG(status.st_mode)) return base::fail(ErrorCode::kFileSystem, "it is no regular file");
   // The time is taken before the text: a line that is written in between counts as older than it is, never as newer.
   Tail tail{std::string(kTailBytes, '\0'), status.st_size <= static_cast<off_t>(kTailBytes), change_of(status)};
   const off_t begin = tail.whole ? 0 : status.st_size - static_cast<off_t>(kTailBytes);
   const ssize_t count = ::pread(file.number(), tail.text.data(), tail.text.size(), begin);
-  if (count < 0) return base::fail(ErrorCode::kFileSystem, detail::last_system_error());
+  if (count < 0) return base::fail(ErrorCode::kFileSystem, base::last_system_error());
   tail.text.resize(static_cast<std::size_t>(count));
   return tail;
 }

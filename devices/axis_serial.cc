@@ -18,7 +18,7 @@ namespace crosstie::devices {
 namespace {
 
 using base::ErrorCode;
-using detail::FileDescriptor;
+using base::FileDescriptor;
 
 constexpr std::array<std::pair<int, speed_t>, 9> kRates = {{{1200, B1200},
                                                             {2400, B2400},
@@ -54,14 +54,14 @@ void set_line(termios& line, const SerialAxisOptions& options, speed_t rate) {
 
 base::Result<FileDescriptor> open_port(const SerialAxisOptions& options, speed_t rate) {
   FileDescriptor port(::open(options.device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-  if (!port.valid()) return base::fail(ErrorCode::kDevice, detail::last_system_error());
+  if (!port.valid()) return base::fail(ErrorCode::kDevice, base::last_system_error());
   termios line{};
   if (::tcgetattr(port.number(), &line) != 0) return base::fail(ErrorCode::kDevice, "it is no serial port");
   set_line(line, options, rate);
   // tcsetattr() succeeds when any of the changes could be made: what was taken over is read back.
   termios taken{};
   if (::tcsetattr(port.number(), TCSANOW, &line) != 0 || ::tcgetattr(port.number(), &taken) != 0) {
-    return base::fail(ErrorCode::kDevice, detail::last_system_error());
+    return base::fail(ErrorCode::kDevice, base::last_system_error());
   }
   constexpr tcflag_t kFrame = CSIZE | PARENB | PARODD | CSTOPB;
   if (::cfgetispeed(&taken) != rate || (taken.c_cflag & kFrame) != (line.c_cflag & kFrame)) {
@@ -69,7 +69,7 @@ base::Result<FileDescriptor> open_port(const SerialAxisOptions& options, speed_t
                       fmt::format("the port does not do {} baud with {} data bits, {} stop bits and this parity", options.baud,
                                   options.data_bits, options.stop_bits));
   }
-  if (::ioctl(port.number(), TIOCEXCL) != 0) return base::fail(ErrorCode::kDevice, detail::last_system_error());
+  if (::ioctl(port.number(), TIOCEXCL) != 0) return base::fail(ErrorCode::kDevice, base::last_system_error());
   ::tcflush(port.number(), TCIFLUSH);
   return port;
 }

@@ -21,7 +21,7 @@ namespace crosstie::devices {
 namespace {
 
 using base::ErrorCode;
-using detail::FileDescriptor;
+using base::FileDescriptor;
 using detail::Wake;
 
 constexpr std::chrono::seconds kConnectTimeout{3};
@@ -54,10 +54,10 @@ base::Result<std::vector<Address>> resolve(const TcpAxisOptions& options) {
 
 base::Result<FileDescriptor> connect(const Address& address, const Wake& wake) {
   FileDescriptor socket(::socket(address.family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (!socket.valid()) return base::fail(ErrorCode::kDevice, detail::last_system_error());
+  if (!socket.valid()) return base::fail(ErrorCode::kDevice, base::last_system_error());
   if (::connect(socket.number(), reinterpret_cast<const sockaddr*>(&address.bytes), address.size) != 0 &&
       errno != EINPROGRESS) {
-    return base::fail(ErrorCode::kDevice, detail::last_system_error());
+    return base::fail(ErrorCode::kDevice, base::last_system_error());
   }
   switch (wake.wait(socket, POLLOUT, kConnectTimeout)) {
     case Wake::Event::kWoken:

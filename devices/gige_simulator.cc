@@ -9,7 +9,7 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
-#include "devices/detail/file_descriptor.h"
+#include "base/file_descriptor.h"
 
 namespace crosstie::devices {
 namespace {
@@ -24,7 +24,7 @@ bool port_is_free(const std::string& address) {
   place.sin_family = AF_INET;
   place.sin_port = htons(kControlPort);
   if (::inet_pton(AF_INET, address.c_str(), &place.sin_addr) != 1) return false;
-  const detail::FileDescriptor probe(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const base::FileDescriptor probe(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   return probe.valid() && ::bind(probe.number(), reinterpret_cast<const sockaddr*>(&place), sizeof place) == 0;
 }
 

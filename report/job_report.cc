@@ -34,8 +34,7 @@ detail::Cell level_cell(const std::vector<base::Verdict>& verdicts) {
   if (verdicts.empty()) return text_cell("not judged", "muted");
   VerdictLevel worst = VerdictLevel::kOk;
   for (const base::Verdict& verdict : verdicts) worst = std::max(worst, verdict.level);
-  const char* css_class = worst == VerdictLevel::kOk ? "ok" : worst == VerdictLevel::kWarning ? "warning" : "fail";
-  return text_cell(std::string(base::verdict_level_name(worst)), css_class);
+  return text_cell(std::string(base::verdict_level_name(worst)), detail::level_class(worst));
 }
 
 std::string steps_table(const JobOverview& overview) {
@@ -82,13 +81,12 @@ std::string job_report(const JobOverview& overview) {
   }
   detail::Page page(context);
   const std::size_t done = overview.results.size();
-  std::vector<detail::KeyFigure> figures = {
-      {"Results", std::to_string(done),
-       overview.not_done.empty() ? std::string("all that the job asks for")
-                                 : fmt::format("{} steps are not done", overview.not_done.size()),
-       overview.not_done.empty() ? "" : "warning"},
-      {"Checks that FAIL", std::to_string(failed), fmt::format("of {}", context.envelope.verdicts.size()),
-       failed > 0 ? "fail" : ""}};
+  std::vector<detail::KeyFigure> figures = {{"Results", std::to_string(done),
+                                             overview.not_done.empty() ? std::string("all that the job asks for")
+                                                                       : fmt::format("{} missing", overview.not_done.size()),
+                                             overview.not_done.empty() ? "" : "warning"},
+                                            {"Checks that FAIL", std::to_string(failed),
+                                             fmt::format("of {}", context.envelope.verdicts.size()), failed > 0 ? "fail" : ""}};
   if (!overview.date.empty()) figures.push_back({"Date of the measurement", overview.date, "as the job says", ""});
   page.key_figures(figures);
   page.first_section("steps", "Steps", steps_table(overview));

@@ -19,7 +19,7 @@ struct JobOverview {
   std::string job;   ///< its name
   std::string date;  ///< of the measurement; may be empty
   std::vector<JobResult> results;
-  std::vector<std::string> not_done;  ///< steps that the job asks for and that have no result
+  std::vector<std::string> not_done;  ///< names of those that the job asks for and that are not there
 };
 
 /// One HTML page on a whole job: whether all of it keeps its limits, each step with the worst of its verdicts and a link to its report, then all

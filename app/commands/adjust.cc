@@ -74,8 +74,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   const auto adjustment =
       adjust_step(*job, results / "detect", out ? std::filesystem::path(*out) : results / "adjust", session);
   if (!adjustment) return tl::unexpected(adjustment.error());
-  const Outcome ended = said(*adjustment, session);
-  return out ? base::Result<Outcome>(ended) : with_index(*job, ended);
+  return with_index(*job, said(*adjustment, session));  // also with --out: what it needed stands in the job
 }
 
 }  // namespace

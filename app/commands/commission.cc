@@ -53,7 +53,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   if (!step) return tl::unexpected(step.error());
   tell("commission", *step);
   session.print((step->folder / "result.json").string());
-  return out ? Result<Outcome>(step->outcome) : with_index(*job, step->outcome);
+  return with_index(*job, step->outcome);  // also with --out: what it needed stands in the job
 }
 
 }  // namespace

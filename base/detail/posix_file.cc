@@ -13,25 +13,18 @@
 
 namespace crosstie::base::detail {
 
-Descriptor::~Descriptor() { close(); }
-
-int Descriptor::close() {
-  const int fd = std::exchange(fd_, -1);
-  return fd < 0 ? 0 : ::close(fd);
-}
-
 tl::unexpected<Error> system_failure(std::string_view doing, const std::filesystem::path& path, int number) {
   return fail(ErrorCode::kFileSystem,
               fmt::format("cannot {} {}: {}", doing, shown(path), std::generic_category().message(number)));
 }
 
-Result<Descriptor> open_regular(const std::filesystem::path& path) {
+Result<FileDescriptor> open_regular(const std::filesystem::path& path) {
   int fd = -1;
   do {
     fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
   } while (fd < 0 && errno == EINTR);
   if (fd < 0) return system_failure("open", path, errno);
-  Descriptor file(fd);
+  FileDescriptor file(fd);
   struct stat status {};
   if (::fstat(fd, &status) != 0) return system_failure("open", path, errno);
   if (S_ISDIR(status.st_mode)) return system_failure("read", path, EISDIR);

@@ -86,14 +86,26 @@ struct BlurDistance {
   Vector2d by_corner;
   double by_direction;
 };
-BlurDistance distance_from(const CrossingLine& line, double direction_rad, const Vector2d& from_corner_px, double blur_px) {
-  const Vector2d along(std::cos(direction_rad), std::sin(direction_rad));
-  const Vector2d across(-along.y(), along.x());
-  const double s = along.dot(from_corner_px);
-  const double d = across.dot(from_corner_px);
-  const double bend = line.curvature_per_px * s;
-  return {(d - 0.5 * bend * s) / blur_px, (bend * along - across) / blur_px, (-s - bend * d) / blur_px};
-}
+
+/// A line at the present values.
+class PlacedLine {
+ public:
+  PlacedLine(double direction_rad, double curvature_per_px, double blur_px)
+      : along_(std::cos(direction_rad), std::sin(direction_rad)), curvature_per_px_(curvature_per_px), blur_px_(blur_px) {}
+
+  [[nodiscard]] BlurDistance distance(const Vector2d& from_corner_px) const {
+    const Vector2d across(-along_.y(), along_.x());
+    const double s = along_.dot(from_corner_px);
+    const double d = across.dot(from_corner_px);
+    const double bend = curvature_per_px_ * s;
+    return {(d - 0.5 * bend * s) / blur_px_, (bend * along_ - across) / blur_px_, (-s - bend * d) / blur_px_};
+  }
+
+ private:
+  Vector2d along_;
+  double curvature_per_px_;
+  double blur_px_;
+};
 
 /// Normal equations at the present values; returns the sum of squares.
 double accumulate(const std::vector<Pixel>& pixels, const CrossingSearch& search, const Vector& at, Normal& normal,
@@ -104,12 +116,14 @@ double accumulate(const std::vector<Pixel>& pixels, const CrossingSearch& search
   const double blur = std::exp(at(kBlur));
   const double correlation = std::cos(at(kFirst) - at(kSecond));
   const double turned = std::sin(at(kFirst) - at(kSecond));
+  const double contrast = at(kContrast);
+  const PlacedLine first(at(kFirst), search.first.curvature_per_px, blur);
+  const PlacedLine second(at(kSecond), search.second.curvature_per_px, blur);
   for (const Pixel& pixel : pixels) {
     const Vector2d from_corner = pixel.from_start_px - at.head<2>();
-    const BlurDistance a = distance_from(search.first, at(kFirst), from_corner, blur);
-    const BlurDistance b = distance_from(search.second, at(kSecond), from_corner, blur);
+    const BlurDistance a = first.distance(from_corner);
+    const BlurDistance b = second.distance(from_corner);
     const BlurredSign s = blurred_sign(a.value, b.value, correlation);
-    const double contrast = at(kContrast);
     Vector row;
     row.head<2>() = contrast * (s.by_a * a.by_corner + s.by_b * b.by_corner);
     row(kFirst) = contrast * (s.by_a * a.by_direction - s.by_correlation * turned);

@@ -52,7 +52,7 @@ AxisState AxisLink::state() {
 
 void AxisLink::run(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    const base::Result<FileDescriptor> connection = transport_.open(wake_);
+    const base::Result<base::FileDescriptor> connection = transport_.open(wake_);
     if (connection) {
       note("connected, nothing received yet");
       note(receive(*connection, stop));
@@ -63,7 +63,7 @@ void AxisLink::run(const std::stop_token& stop) {
   }
 }
 
-std::string AxisLink::receive(const FileDescriptor& connection, const std::stop_token& stop) {
+std::string AxisLink::receive(const base::FileDescriptor& connection, const std::stop_token& stop) {
   LineSplitter lines(kMaxAxisLineBytes);
   if (transport_.begins_within_a_line) lines.skip_to_line_end();
   auto heard = steady_clock::now();
@@ -86,11 +86,11 @@ std::string AxisLink::receive(const FileDescriptor& connection, const std::stop_
   return "closed";
 }
 
-base::Result<> AxisLink::read_available(const FileDescriptor& connection, LineSplitter& lines) {
+base::Result<> AxisLink::read_available(const base::FileDescriptor& connection, LineSplitter& lines) {
   std::array<char, 4096> bytes{};
   const ssize_t count = ::read(connection.number(), bytes.data(), bytes.size());
   if (count < 0 && (errno == EAGAIN || errno == EINTR)) return {};
-  if (count < 0) return base::fail(ErrorCode::kDevice, last_system_error());
+  if (count < 0) return base::fail(ErrorCode::kDevice, base::last_system_error());
   if (count == 0) return base::fail(ErrorCode::kDevice, "the other side closed it");
   const HostTime time = clock_();
   lines.push(
@@ -101,12 +101,12 @@ base::Result<> AxisLink::read_available(const FileDescriptor& connection, LineSp
   return {};
 }
 
-base::Result<> AxisLink::send_request(const FileDescriptor& connection) const {
+base::Result<> AxisLink::send_request(const base::FileDescriptor& connection) const {
   // A full buffer takes no more: the control does not read, and its silence ends the connection.
   const std::string& request = dialogue_.request;
   ssize_t written = ::send(connection.number(), request.data(), request.size(), MSG_NOSIGNAL);
   if (written < 0 && errno == ENOTSOCK) written = ::write(connection.number(), request.data(), request.size());
-  if (written < 0 && errno != EAGAIN && errno != EINTR) return base::fail(ErrorCode::kDevice, last_system_error());
+  if (written < 0 && errno != EAGAIN && errno != EINTR) return base::fail(ErrorCode::kDevice, base::last_system_error());
   return {};
 }
 

@@ -8,10 +8,10 @@
 #include <string_view>
 #include <thread>
 
+#include "base/file_descriptor.h"
 #include "base/result.h"
 #include "devices/axis_reader.h"
 #include "devices/axis_stream.h"
-#include "devices/detail/file_descriptor.h"
 #include "devices/detail/line_splitter.h"
 #include "devices/detail/wake.h"
 
@@ -19,8 +19,8 @@ namespace crosstie::devices::detail {
 
 /// What tells one kind of connection from another.
 struct Transport {
-  std::string source;                                             ///< AxisState::source
-  std::function<base::Result<FileDescriptor>(const Wake&)> open;  ///< not blocking; gives up when woken
+  std::string source;                                                   ///< AxisState::source
+  std::function<base::Result<base::FileDescriptor>(const Wake&)> open;  ///< not blocking; gives up when woken
   bool begins_within_a_line = false;
 };
 
@@ -34,10 +34,10 @@ class AxisLink : public AxisReader {
  private:
   void run(const std::stop_token& stop);
   /// Until the connection ends; what ended it.
-  std::string receive(const FileDescriptor& connection, const std::stop_token& stop);
+  std::string receive(const base::FileDescriptor& connection, const std::stop_token& stop);
   /// Error: the connection is over.
-  base::Result<> read_available(const FileDescriptor& connection, LineSplitter& lines);
-  base::Result<> send_request(const FileDescriptor& connection) const;
+  base::Result<> read_available(const base::FileDescriptor& connection, LineSplitter& lines);
+  base::Result<> send_request(const base::FileDescriptor& connection) const;
   void take_line(std::string_view line, HostTime time);
   void note(std::string trouble);
 

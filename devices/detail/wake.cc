@@ -13,7 +13,7 @@ namespace crosstie::devices::detail {
 using std::chrono::steady_clock;
 
 Wake::Wake() : event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  if (!event_.valid()) throw std::runtime_error("no event descriptor: " + last_system_error());
+  if (!event_.valid()) throw std::runtime_error("no event descriptor: " + base::last_system_error());
 }
 
 void Wake::call() const {
@@ -22,7 +22,7 @@ void Wake::call() const {
   [[maybe_unused]] const ssize_t written = ::write(event_.number(), &one, sizeof one);
 }
 
-Wake::Event Wake::wait(const FileDescriptor& device, short events, std::chrono::nanoseconds timeout) const {
+Wake::Event Wake::wait(const base::FileDescriptor& device, short events, std::chrono::nanoseconds timeout) const {
   const auto end = steady_clock::now() + timeout;
   while (true) {
     std::array<pollfd, 2> watched = {pollfd{event_.number(), POLLIN, 0}, pollfd{device.number(), events, 0}};

@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-#include "devices/detail/file_descriptor.h"
+#include "base/file_descriptor.h"
 
 namespace crosstie::devices::detail {
 
@@ -16,10 +16,10 @@ class Wake {
   enum class Event { kWoken, kReady, kTimeout };
   /// Waits until `device` has one of poll()'s `events` (or an error), until woken or until the time is over. An invalid `device`
   /// is never ready.
-  [[nodiscard]] Event wait(const FileDescriptor& device, short events, std::chrono::nanoseconds timeout) const;
+  [[nodiscard]] Event wait(const base::FileDescriptor& device, short events, std::chrono::nanoseconds timeout) const;
 
  private:
-  FileDescriptor event_;
+  base::FileDescriptor event_;
 };
 
 }  // namespace crosstie::devices::detail

@@ -17,10 +17,6 @@ namespace {
 using base::Verdict;
 using base::VerdictLevel;
 
-const char* level_class(VerdictLevel level) {
-  return level == VerdictLevel::kOk ? "ok" : level == VerdictLevel::kWarning ? "warning" : "fail";
-}
-
 const char* level_sign(VerdictLevel level) {
   return level == VerdictLevel::kOk ? "\u2713" : level == VerdictLevel::kWarning ? "!" : "\u2715";
 }
@@ -130,6 +126,10 @@ std::string section_html(const std::string& name, const std::string& heading, co
 }
 
 }  // namespace
+
+const char* level_class(VerdictLevel level) {
+  return level == VerdictLevel::kOk ? "ok" : level == VerdictLevel::kWarning ? "warning" : "fail";
+}
 
 std::string paragraph(const std::string& text, const std::string& css_class) {
   return fmt::format("<p{}>{}</p>\n", css_class.empty() ? "" : fmt::format(" class=\"{}\"", escape(css_class)), escape(text));

@@ -50,6 +50,9 @@ class Page {
   bool has_scene_ = false;
 };
 
+/// "ok", "warning", "fail": the style sheet's class of a verdict.
+const char* level_class(base::VerdictLevel level);
+
 /// A paragraph of plain text.
 std::string paragraph(const std::string& text, const std::string& css_class = "");
 

@@ -134,9 +134,8 @@ void expect_the_same(const Measured& coarse, const Measured& fine, const Half& h
   // The rim's form is in sigma0, not in the sigmas.
   EXPECT_LT(std::abs(coarse.diameter_mm - fine.diameter_mm),
             3.0 * std::hypot(coarse.sigma0 * coarse.sigma_mm, fine.sigma0 * fine.sigma_mm));
-  // The goal; with each scan's own image a plain method is 0.18 mm (right) and 0.28 mm (left) apart. Arcs that end some degrees elsewhere and other lengths of
-  // cells move a diameter by 0.15 and 0.06 mm (right, coarse and fine) and by 0.03 mm (left), since near and far sides of the chamfer are mixed: it is met
-  // or not by chance on the right, and should not be asked for before that is mended.
+  // The goal; with each scan's own image a plain method is 0.18 mm (right) and 0.28 mm (left) apart. Near and far sides of the chamfer are mixed on the right, and
+  // arcs that end some degrees elsewhere or cells of another length move its diameters by more than this.
   if (wants_bars()) {
     EXPECT_LT(std::abs(coarse.diameter_mm - fine.diameter_mm), 0.10);
   }

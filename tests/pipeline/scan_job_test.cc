@@ -211,6 +211,20 @@ TEST(ScanJob, StationsAreScannedWithTheJobsHeadAndMarkers) {
   EXPECT_EQ(none.exit_code, 3);
   EXPECT_THAT(none.err, HasSubstr("has no scan"));
   EXPECT_EQ(run_program({"scan", job.string(), "--rig", "head"}).exit_code, 2);
+
+  // The overview tells of every station that the job has scanned, and not of one that it had.
+  std::string text = tests::read_all(job / "job.toml");
+  const std::string second = "axis_mm = 900.0\n";
+  text.replace(text.find(second), second.size(),
+               second + "scan = { left = \"x0900/left\", right = \"x0900/right\", manifest = \"x0850/patterns.json\" }\n");
+  std::ofstream(job / "job.toml") << text;
+  fs::copy(out, job / "results" / "scan" / "x0800");
+  EXPECT_EQ(run_program({"scan", job.string(), "--station", "x0850"}).exit_code, 0);
+  const std::string overview = tests::read_all(job / "results" / "index.html");
+  EXPECT_THAT(overview, HasSubstr("href=\"scan/x0850/report.html\""));
+  EXPECT_THAT(overview, HasSubstr("scan x0900"));
+  EXPECT_THAT(overview, HasSubstr("2 missing")) << "the scan, and the stitch that two scans want";
+  EXPECT_THAT(overview, testing::Not(HasSubstr("x0800")));
 }
 
 struct WrongScan {

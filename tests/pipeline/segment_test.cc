@@ -125,6 +125,7 @@ TEST_F(SegmentJob, RunDoesAllStepsAndThenNothing) {
   const std::string overview = tests::read_all(job() / "results" / "index.html");
   for (const char* page : {"calibrate/report.html", "scan/x0500/report.html", "stitch/report.html", "edge/report.html"})
     EXPECT_THAT(overview, HasSubstr(fmt::format("href=\"{}\"", page)));
+  EXPECT_THAT(overview, HasSubstr("all that the job asks for"));
   const std::string before = tests::read_all(results("edge") / "result.json");
   const auto again = run_program({"run", job().string()});
   EXPECT_EQ(again.exit_code, run_.exit_code) << again.err;

@@ -40,7 +40,7 @@ TEST(JobReport, SaysWhatIsNotDone) {
   job.not_done = {"edge", "verify"};
   const std::string page = job_report(job);
   EXPECT_EQ(tests::markup_error(page), std::nullopt);
-  EXPECT_THAT(page, HasSubstr("2 steps are not done"));
+  EXPECT_THAT(page, HasSubstr("2 missing"));
   EXPECT_THAT(page, HasSubstr("not done yet"));
   EXPECT_THAT(page, Not(HasSubstr("all that the job asks for")));
   EXPECT_THAT(page, HasSubstr("<strong>OK</strong>"));

@@ -7,7 +7,7 @@
 
 #include <unistd.h>
 
-namespace crosstie::devices::detail {
+namespace crosstie::base {
 
 /// Owns a POSIX file descriptor.
 class FileDescriptor {
@@ -19,12 +19,15 @@ class FileDescriptor {
     std::swap(number_, other.number_);
     return *this;
   }
-  ~FileDescriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
+  ~FileDescriptor() { static_cast<void>(close()); }
 
   [[nodiscard]] int number() const { return number_; }
   [[nodiscard]] bool valid() const { return number_ >= 0; }
+  /// ::close() with its result and errno; the descriptor is gone afterwards in any case.
+  int close() {
+    const int number = std::exchange(number_, -1);
+    return number < 0 ? 0 : ::close(number);
+  }
 
  private:
   int number_ = -1;
@@ -33,4 +36,4 @@ class FileDescriptor {
 /// errno in words.
 [[nodiscard]] inline std::string last_system_error() { return std::generic_category().message(errno); }
 
-}  // namespace crosstie::devices::detail
+}  // namespace crosstie::base
