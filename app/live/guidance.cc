@@ -131,9 +131,9 @@ void guide_station(const Situation& now, Guidance& guidance, std::string& next) 
   guidance.station = *station;
   next = no_shot(now, *station);
   if (next.empty()) {
-    guidance.instruction = fmt::format(commission ? "Station {}: the cross stands still and is seen by both cameras? Press Next."
-                                                  : "Station {}: everything stands still? Press Next to scan.",
-                                       station->name);
+    guidance.instruction = fmt::format("Station {}: {} Press Next.", station->name,
+                                       commission ? "do both cameras see the cross, and does it stand still?"
+                                                  : "does everything stand still?");
   } else {
     guidance.instruction = fmt::format("Move the beam to X = {:.1f} mm for station {}.", station->axis_mm, station->name);
     if (!now.taking.empty()) guidance.instruction = fmt::format("Do not move: {} is being taken.", now.taking);

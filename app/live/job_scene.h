@@ -15,9 +15,9 @@ namespace crosstie::app {
 
 /// A scanned station as the page draws it: some of its points, in the rig's frame.
 struct ScenePatch {
-  std::string station;
+  std::string station = {};
   double axis_mm = 0.0;
-  std::vector<Eigen::Vector3d> p_in_rig_mm;
+  std::vector<Eigen::Vector3d> p_in_rig_mm = {};
 };
 
 /// At most so many points of a patch are shown.
@@ -28,7 +28,7 @@ base::Result<ScenePatch> read_patch(const std::filesystem::path& scan_result, co
 
 /// A piece of the hole's edge.
 struct RimPiece {
-  std::vector<Eigen::Vector3d> p_in_machine_mm;
+  std::vector<Eigen::Vector3d> p_in_machine_mm = {};
   bool gap = false;  ///< the chord over a part that nobody saw
 };
 
@@ -38,15 +38,15 @@ std::vector<RimPiece> read_rim(const std::filesystem::path& edge_result);
 /// What stands in the 3D view.
 struct LiveScene {
   std::uint64_t version = 0;
-  std::string frame;                  ///< machine, or rig as long as the machine is not commissioned
-  std::vector<MarkerStatus> markers;  ///< with xyz_mm in that frame
+  std::string frame = {};                  ///< machine, or rig as long as the machine is not commissioned
+  std::vector<MarkerStatus> markers = {};  ///< with xyz_mm in that frame
   struct PlacedPatch {
     const ScenePatch* patch = nullptr;
-    base::Pose frame_from_rig;
+    base::Pose frame_from_rig = {};
   };
-  std::vector<PlacedPatch> patches;
-  std::vector<RimPiece> rim;
-  std::optional<base::Pose> frame_from_head;
+  std::vector<PlacedPatch> patches = {};
+  std::vector<RimPiece> rim = {};
+  std::optional<base::Pose> frame_from_head = {};
 };
 
 /// The scene as the page reads it (docs/live.md), one line of JSON.

@@ -26,26 +26,26 @@ namespace crosstie::app {
 /// What was taken last.
 struct LastShot {
   LiveStage stage = LiveStage::kCalibrate;
-  std::string what;
-  std::string station;
+  std::string what = {};
+  std::string station = {};
   PairOfFiles places = {};
 };
 
 /// What is going on, as workers and devices tell it.
 struct LiveActivity {
-  std::string taking;     ///< empty: nothing
-  std::string computing;
-  std::optional<WorkStatus> work;
+  std::string taking = {};     ///< empty: nothing
+  std::string computing = {};
+  std::optional<WorkStatus> work = {};
   base::Result<devices::AxisReading> axis = devices::AxisReading{};
-  AxisStatus axis_status;
-  std::string cameras_trouble;
+  AxisStatus axis_status = {};
+  std::string cameras_trouble = {};
   bool has_projector = false;
 };
 
 /// The head as far as it is known.
 struct KnownHead {
-  std::optional<base::Head> head;  ///< of the commissioning, else of the calibration
-  std::optional<base::Commissioning> commissioning;
+  std::optional<base::Head> head = {};  ///< of the commissioning, else of the calibration
+  std::optional<base::Commissioning> commissioning = {};
 };
 
 /// All that a session knows of its job: what job.toml asks for, what lies in the folder, what the results say, and what the operator

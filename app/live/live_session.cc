@@ -13,6 +13,7 @@
 #include "app/job_index.h"
 #include "app/job_scan.h"
 #include "app/job_steps.h"
+#include "app/live/board_watch.h"
 #include "app/live/job_edit.h"
 #include "app/live/live_model.h"
 #include "app/live/live_watch.h"
@@ -27,6 +28,12 @@ using base::ErrorCode;
 using base::Progress;
 using base::Result;
 using nlohmann::json;
+
+std::optional<MarkerChoice> job_markers(const Job& job) {
+  if (job.family.empty()) return std::nullopt;
+  auto markers = marker_choice(job);
+  return markers ? std::optional(*std::move(markers)) : std::nullopt;
+}
 
 /// What the stage computes last.
 std::string_view last_step(LiveStage stage) { return stage == LiveStage::kCalibrate ? "calibrate" : "commission"; }
@@ -66,7 +73,7 @@ struct LiveSession::Parts {
         feed(page),
         threads(with_threads),
         pairs(*devices.pairs),
-        watch(pairs, feed, devices.preview),
+        watch(pairs, feed, job_markers(model->job())),
         taking([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }),
         computing([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }) {}
 
@@ -83,6 +90,8 @@ struct LiveSession::Parts {
   Result<> change_exposure(const json& command);
 
   Result<> take_board(const PairOfFiles& places, const Progress& progress);
+  Result<> look_at_boards(const Progress& progress);
+  Result<> want_pose();
   Result<> take_station(const StationTask& task, const Progress& progress);
   Result<> expose(const StationTask& task, const Progress& progress);
   Result<> scan_one(const std::string& station, const Progress& progress);
@@ -96,6 +105,7 @@ struct LiveSession::Parts {
   int threads;
   TappedPairs pairs;
   LiveWatch watch;
+  BoardWatch board;
   Worker taking;
   Worker computing;
   std::mutex commands;  ///< one after the other
@@ -134,7 +144,7 @@ LiveActivity LiveSession::Parts::activity() {
 }
 
 void LiveSession::Parts::connect() {
-  if (auto started = watch.start(); !started) model->log("error", fmt::format("cameras: {}", started.error().message));
+  if (auto started = watch.start(devices.preview); !started) model->log("error", fmt::format("cameras: {}", started.error().message));
 }
 
 /// Ten times a second, where something changed.
@@ -150,6 +160,7 @@ void LiveSession::Parts::publish(const std::stop_token& stop) {
     watch.set_place(model->known_head(), now.axis);
     LiveStatus status = model->status(now);
     watch.describe(status);
+    if (status.stage == LiveStage::kCalibrate) status.board = board.status();
     // The scene is large: markers that move are shown once a second.
     const devices::HostTime time = devices::host_now();
     const bool markers_moved = watch.markers_moved() && devices::seconds_between(scene_time, time) > 1.0;
@@ -181,7 +192,29 @@ Result<> LiveSession::Parts::take_board(const PairOfFiles& places, const Progres
   if (auto aside = put_aside(model->job().folder, {places[0], places[1]}); !aside) return base::fail(std::move(aside));
   if (auto placed = place(places); !placed) return placed;
   if (auto loaded = model->reload(); !loaded) return loaded;
-  model->log("info", watch.look_at_board(model->job(), places));
+  board.forget(places);
+  Session session = session_of(progress);
+  if (auto looked = board.look(model->job(), {places}, session); !looked) return looked;
+  const int seen = board.seen_by(places);
+  model->log(seen == 2 ? "info" : "warning", fmt::format("board {} taken; {} the board", places[0].stem().string(),
+                                                         seen == 2   ? "both cameras see"
+                                                         : seen == 1 ? "only one camera sees"
+                                                                     : "no camera sees"));
+  return want_pose();
+}
+
+Result<> LiveSession::Parts::look_at_boards(const Progress& progress) {
+  const Job job = model->job();
+  const auto shots = board_shots(job);
+  if (!shots) return {};  // the guide says so in the stage that needs it
+  Session session = session_of(progress);
+  if (auto looked = board.look(job, shots->taken, session); !looked) return looked;
+  return want_pose();
+}
+
+Result<> LiveSession::Parts::want_pose() {
+  const auto status = board.status();
+  model->set_wanted_pose(status ? status->wanted : std::string());
   return {};
 }
 
@@ -298,6 +331,7 @@ Result<> LiveSession::Parts::next(bool again) {
     }
   }
   if (!station) return base::fail(ErrorCode::kUsage, "there is no station to be taken");
+  if (!now.axis) return tl::unexpected(now.axis.error());
   const StationTask task{model->stage(), *station, *now.axis};
   taking.add(task.what(), [this, task](const Progress& progress) { return take_station(task, progress); });
   return {};
@@ -308,7 +342,8 @@ Result<> LiveSession::Parts::undo() {
   const auto aside = put_aside(model->job().folder, {last->places[0], last->places[1]});
   if (!aside) return tl::unexpected(aside.error());
   model->remember(std::nullopt);
-  watch.forget_board(last->places);
+  board.forget(last->places);
+  if (auto wanted = want_pose(); !wanted) return wanted;
   model->log("info", fmt::format("{} undone; its images lie in undone/{}", last->what, aside->filename().string()));
   return model->reload();
 }
@@ -322,6 +357,7 @@ Result<> LiveSession::Parts::finish() {
 
 Result<> LiveSession::Parts::check() {
   const LiveActivity now = activity();
+  if (!now.axis) return tl::unexpected(now.axis.error());
   const fs::path folder = model->job().folder / "check";
   const PairOfFiles places = {folder / "left.png", folder / "right.png"};
   taking.add("check of the head", [this, places, axis_mm = now.axis->position_mm](const Progress& progress) {
@@ -343,7 +379,7 @@ Result<> LiveSession::Parts::change_exposure(const json& command) {
     if (auto valid = wanted.validate(); !valid) return valid;
     *settings = wanted;
   }
-  return watch.restart(devices.preview);
+  return watch.start(devices.preview);
 }
 
 Result<> LiveSession::Parts::command(const std::string& text) {
@@ -373,7 +409,7 @@ Result<> LiveSession::Parts::command(const std::string& text) {
   if (*name == "exposure") return change_exposure(parsed);
   if (*name == "reconnect") {
     if (!taking.idle()) return base::fail(ErrorCode::kUsage, "images are being taken");
-    return watch.restart(devices.preview);
+    return watch.start(devices.preview);
   }
   const std::string why_not = model->guidance(activity()).why_not(*name);
   if (!why_not.empty()) return base::fail(ErrorCode::kUsage, why_not);
@@ -396,7 +432,7 @@ Result<std::unique_ptr<LiveSession>> LiveSession::begin(const fs::path& job, Liv
   auto parts = std::make_unique<Parts>(*std::move(model), std::move(devices), feed, threads);
   Parts& at = *parts;
   at.connect();
-  at.computing.add("the board's images", [&at](const Progress& progress) { return at.watch.look_at_boards(at.model->job(), progress); });
+  at.computing.add("the board's images", [&at](const Progress& progress) { return at.look_at_boards(progress); });
   at.publisher = std::jthread([&at](const std::stop_token& stop) { at.publish(stop); });
   return std::unique_ptr<LiveSession>(new LiveSession(std::move(parts)));
 }

@@ -92,7 +92,7 @@ ordered_json board_json(const BoardStatus& board) {
             {"rolled", board.rolled}}},
           {"wanted", board.wanted},
           {"cell", or_null(board.cell)},
-          {"seen", board.seen}};
+          {"cell_side", board.cell_side}};
 }
 
 ordered_json station_json(const StationStatus& station) {

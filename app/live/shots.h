@@ -15,8 +15,8 @@ using PairOfFiles = std::array<std::filesystem::path, 2>;
 
 /// The job's images of the board, as they lie in its folder.
 struct BoardShots {
-  std::vector<PairOfFiles> taken;  ///< by their text for the asterisk
-  PairOfFiles next;                ///< where the next pair belongs
+  std::vector<PairOfFiles> taken = {};  ///< by their text for the asterisk
+  PairOfFiles next = {};                ///< where the next pair belongs
 };
 
 /// kBadInput where the job has no [board] with images of both of the head's cameras, or their patterns are not a folder and a name with
@@ -25,7 +25,7 @@ base::Result<BoardShots> board_shots(const Job& job);
 
 /// What a station of the job wants and has.
 struct StationShots {
-  std::string name;
+  std::string name = {};
   double axis_mm = 0.0;         ///< as planned; as read once something was taken
   bool wants_cross = false;
   bool wants_scan = false;
@@ -33,7 +33,7 @@ struct StationShots {
   bool scan_taken = false;      ///< all images of both cameras are there
   PairOfFiles cross = {};       ///< paths of the photographs
   PairOfFiles scan = {};        ///< folders of the fringe images
-  std::filesystem::path manifest;
+  std::filesystem::path manifest = {};
 };
 
 /// By the reading of the axis. Errors: kBadInput for a station whose photographs are not of both of the head's cameras, and those of the
