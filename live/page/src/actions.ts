@@ -95,6 +95,8 @@ export class Actions {
     this.bar(barred, state);
     say(byId('job'), state.job.name || 'crosstie live');
     say(byId('folder'), state.job.folder);
+    mark(byId('job'), 'title', state.job.name);
+    mark(byId('folder'), 'title', state.job.folder);
     const title = `${state.job.name || 'crosstie'} \u2013 live`;
     if (document.title !== title) document.title = title;
     this.stages.update(state.stages, (stage) => stage.name);

@@ -137,6 +137,7 @@ export class Cameras {
   private readonly keyed: Keyed<Camera, CameraPanel>;
   private readonly exposure = new CommandButton('exposure', 'Set', () => this.typed(), { className: 'small' });
   private readonly reconnect = new CommandButton('reconnect', 'Connect the cameras again', () => ({ command: 'reconnect' }), { className: 'small' });
+  private readonly reconnectNow = new CommandButton('reconnect-now', 'Connect the cameras again', () => ({ command: 'reconnect' }), { className: 'small strong' });
   private readonly parse: (text: string) => number | null;
 
   constructor(parse: (text: string) => number | null) {
@@ -148,6 +149,7 @@ export class Cameras {
     }, (made, camera) => made.update(camera));
     byId('exposure-set').append(this.exposure.root);
     byId('settings-buttons').append(this.reconnect.root);
+    byId('again-button').append(this.reconnectNow.root);
     byId('exposure-form').addEventListener('submit', (event) => {
       event.preventDefault();
       this.exposure.press();
@@ -174,6 +176,9 @@ export class Cameras {
   update(state: State, barred: string): void {
     this.keyed.update(state.cameras, (camera) => camera.side);
     this.bar(barred);
+    const still = state.cameras.filter((camera) => !camera.running).length;
+    show(byId('again'), still > 0);
+    say(byId('again').firstElementChild!, still > 1 ? 'The cameras do not run.' : 'A camera does not run.');
     const { pairs } = state;
     say(byId('pairs'), `${count(pairs.count, 'pair')} of pictures: ${pairs.unmatched} without partner, ${pairs.contradicted} contradicted`);
     mark(byId('pairs'), 'data-level', pairs.contradicted > 0 ? 'warning' : null);
@@ -185,6 +190,7 @@ export class Cameras {
   bar(barred: string): void {
     this.exposure.allow(barred);
     this.reconnect.allow(barred);
+    this.reconnectNow.allow(barred);
   }
 
   /** After the program came back its streams are new. */

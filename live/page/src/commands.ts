@@ -116,7 +116,7 @@ export class CommandButton {
     if (this.reason) {
       this.root.classList.remove('refused');
       requestAnimationFrame(() => this.root.classList.add('refused'));
-      answer(`${this.label}: ${this.reason}.`);
+      say(byId('spoken'), `${this.label}: ${this.reason}.`);
       return;
     }
     if (now - this.pressed < bounceMs) return;

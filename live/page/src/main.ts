@@ -79,6 +79,7 @@ function access(): void {
   actions.bar(bar, newest);
   cameras.bar(bar);
   axis.bar(bar);
+  document.documentElement.classList.toggle('old', !connected);
   const box = byId('watching');
   show(box, connected && !token());
   say(box, 'Watching only. To command, open the address that the program printed; it ends in # and a token.');

@@ -56,6 +56,8 @@ export class AxisPanel {
     show(byId('axis-trouble'), state.axis.trouble !== '');
     say(byId('axis-trouble'), state.axis.trouble);
     show(byId('axis-form'), state.axis.typed);
+    // The board is shown by hand: the beam matters from the second stage on.
+    show(byId('axis'), state.stage !== 'calibrate');
     this.bar(barred);
     this.tick();
   }
@@ -143,6 +145,9 @@ export class BoardPanel {
     show(byId('board'), board !== null);
     if (!board) return;
     say(byId('board-poses'), count(board.poses, 'pose'));
+    // Where the instruction says the same, once is enough.
+    const told = state.instruction.toLowerCase().includes(board.wanted.toLowerCase().replace(/\.$/, ''));
+    show(byId('board-wanted'), !told);
     say(byId('board-wanted'), board.wanted);
     say(byId('board-seen'), board.seen ? 'The board is seen now.' : 'The board is not seen now.');
     mark(byId('board-seen'), 'data-level', board.seen ? 'ok' : 'warning');

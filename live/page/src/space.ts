@@ -245,12 +245,13 @@ export class SpaceView {
     if (!this.stage) return;
     const scene = reportScene(space);
     const clouds = space.patches.map((one) => ({ points: decodePoints(one.points), colour: one.colour }));
-    this.places = corners([
+    this.places = [
       ...scene.points.map((point) => point.p),
       ...space.rim.flatMap((piece) => piece.xyz_mm),
       ...(space.head ? [space.head.position_mm] : []),
-    ], clouds.map((cloud) => cloud.points));
-    const size = this.places.length > 0 ? Math.hypot(...[0, 1, 2].map((i) => this.places[7]![i]! - this.places[0]![i]!)) : 1000;
+      ...clouds.flatMap((cloud) => some(cloud.points)),
+    ].filter((place) => place.every(Number.isFinite));
+    const size = extent(this.places);
 
     for (const old of this.drawn) this.remove(old);
     const markersOnly = { ...scene, points: scene.points.slice(0, space.markers.length) };
@@ -280,18 +281,17 @@ export class SpaceView {
   }
 }
 
-/** The corners of the box about all places: enough to look at all of them. Empty where there is nothing. */
-function corners(places: Triple[], clouds: Float32Array[]): Triple[] {
-  const low: Triple = [Infinity, Infinity, Infinity];
-  const high: Triple = [-Infinity, -Infinity, -Infinity];
-  const add = (value: number, i: number) => {
-    if (!Number.isFinite(value)) return;
-    low[i] = Math.min(low[i]!, value);
-    high[i] = Math.max(high[i]!, value);
-  };
-  for (const place of places) place.forEach(add);
-  for (const cloud of clouds) cloud.forEach((value, i) => add(value, i % 3));
-  if (!low.every(Number.isFinite)) return [];
-  const corner = (bits: number): Triple => [0, 1, 2].map((i) => ((bits >> i) & 1 ? high[i]! : low[i]!)) as Triple;
-  return [...Array(8).keys()].map(corner);
+/** A few points of a cloud: enough to look at all of it. */
+function some(points: Float32Array): Triple[] {
+  const every = 3 * Math.max(1, Math.ceil(points.length / 3 / 300));
+  const places: Triple[] = [];
+  for (let i = 0; i + 2 < points.length; i += every) places.push([points[i]!, points[i + 1]!, points[i + 2]!]);
+  return places;
+}
+
+/** Diagonal of the box about all places, mm; 1000 where there are none. */
+function extent(places: readonly Triple[]): number {
+  if (places.length < 2) return 1000;
+  const span = (i: number) => places.reduce((most, place) => Math.max(most, place[i]!), -Infinity) - places.reduce((least, place) => Math.min(least, place[i]!), Infinity);
+  return Math.hypot(span(0), span(1), span(2)) || 1000;
 }

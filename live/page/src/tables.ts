@@ -30,7 +30,7 @@ export class MarkerTable {
       const xyz = [0, 1, 2].map((i) => fixed(marker.xyz_mm?.[i], 2));
       const sigma = marker.sigma_mm ? marker.sigma_mm.map((value) => fixed(value, 3)).join('  ') : '\u2013';
       const doubt = marker.w !== null && Math.abs(marker.w) > suspicious;
-      [String(marker.id), marker.state, seen, ...xyz, sigma, fixed(marker.w, 1) + (doubt ? ' too large' : '')].forEach((text, i) => say(cells[i]!, text));
+      [String(marker.id), marker.state, seen, ...xyz, sigma, fixed(marker.w, 1) + (doubt ? ' !' : '')].forEach((text, i) => say(cells[i]!, text));
       mark(root, 'data-level', doubt || marker.state === 'doubtful' ? 'warning' : null);
     });
 
@@ -38,6 +38,7 @@ export class MarkerTable {
     this.rows.update(state.markers, (marker) => String(marker.id));
     const some = state.markers.length > 0;
     show(byId('markers-none'), !some);
+    show(byId('markers-doubt'), state.markers.some((marker) => marker.w !== null && Math.abs(marker.w) > suspicious));
     show(byId('markers-rows').closest<HTMLElement>('.table')!, some);
     say(byId('markers-frame'), state.frame === null ? '' : `in the frame of the ${state.frame === 'rig' ? 'rig (left camera)' : state.frame}`);
   }
@@ -159,7 +160,7 @@ export class Drift {
       label.textContent = fixed(tick, step < 0.01 ? 3 : 2);
       svg.append(label);
     }
-    const every = Math.ceil(values.length / 8);
+    const every = Math.ceil(values.length / 6);
     values.forEach((value, i) => {
       svg.append(drawing('path', { class: 'whisker', d: `M${x(i)} ${y(value.epipolar_px - value.sigma_px)}V${y(value.epipolar_px + value.sigma_px)}` }));
       svg.append(drawing('circle', { class: 'dot', cx: x(i), cy: y(value.epipolar_px), r: 5 }));

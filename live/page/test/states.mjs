@@ -27,7 +27,7 @@ function stages(current) {
     { name: 'scan', title: 'Scan the segment', state: 'begun', have: 2, want: 5, summary: '', report: null },
   ];
   const at = list.findIndex((stage) => stage.name === current);
-  return list.map((stage, i) => (i < at ? stage : { ...stage, state: i === at ? 'begun' : 'empty', have: i === at ? stage.have : 0, report: null, summary: '' }));
+  return list.map((stage, i) => (i < at ? stage : { ...stage, state: i === at ? 'begun' : 'empty', have: i === at ? { calibrate: 12, commission: 2, scan: 2 }[stage.name] : 0, report: null, summary: '' }));
 }
 
 export function markers(ids, frame = true) {
