@@ -20,3 +20,4 @@ find_package(PkgConfig REQUIRED)
 pkg_check_modules(aravis REQUIRED IMPORTED_TARGET aravis-0.8)
 # Its -pthread asks for nothing that Threads::Threads does not give, and would part its users from the precompiled headers.
 set_property(TARGET PkgConfig::aravis PROPERTY INTERFACE_COMPILE_OPTIONS)
+pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)
