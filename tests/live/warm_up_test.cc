@@ -50,7 +50,7 @@ TEST(WarmUp, CoolingAndStandingStillAreNoWarmingUp) {
   EXPECT_FALSE(cooling->warming);
   EXPECT_LT(*cooling->k_per_10_min, -2.0);
   for (TemperatureReading& one : falling) one.temperature_c = 41.0;
-  EXPECT_EQ(*judge_warm_up(falling)->k_per_10_min, 0.0);
+  EXPECT_NEAR(*judge_warm_up(falling)->k_per_10_min, 0.0, 1e-9);
 }
 
 TEST(WarmUp, OptionsOutOfTheirDomain) {
