@@ -80,8 +80,10 @@ void BoardWatch::guide() {
 std::optional<BoardStatus> BoardWatch::status() const {
   const std::lock_guard lock(mutex_);
   if (!guide_) return std::nullopt;
-  BoardStatus status{.columns = live::BoardGuide::kColumns, .rows = live::BoardGuide::kRows, .counts = {}, .wanted = {}, .cell = {}};
-  for (const std::size_t side : kSides) status.counts[side].assign(guide_->coverage[side].begin(), guide_->coverage[side].end());
+  BoardStatus status{
+      .columns = live::BoardGuide::kColumns, .rows = live::BoardGuide::kRows, .counts = {}, .wanted = {}, .cell = {}};
+  for (const std::size_t side : kSides)
+    status.counts[side].assign(guide_->coverage[side].begin(), guide_->coverage[side].end());
   status.poses = guide_->poses;
   status.tilted_left = guide_->tilts[0];
   status.tilted_right = guide_->tilts[1];

@@ -102,7 +102,8 @@ Result<> expose_all(TappedPairs& pairs, devices::PatternSequencer& projector, co
     if (auto shown = projector.step(); !shown) return base::fail(std::move(shown));
     auto pair = pairs.take(before, options.timeout_s + options.settings.exposure_s * pattern.exposure, progress);
     if (!pair) {
-      return base::fail(pair.error().code, fmt::format("pattern {} of {}: {}", i + 1, sequence.patterns.size(), pair.error().message));
+      return base::fail(pair.error().code,
+                        fmt::format("pattern {} of {}: {}", i + 1, sequence.patterns.size(), pair.error().message));
     }
     auto written = writer.write(*std::move(pair), {staging[0] / pattern.files[0], staging[1] / pattern.files[1]});
     if (!written) return written;

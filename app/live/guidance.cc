@@ -29,9 +29,8 @@ const StationShots* find(const std::vector<StationShots>& stations, LiveStage st
 /// The chosen station, else the first that lacks what the stage takes.
 const StationShots* next_station(const Situation& now) {
   if (const StationShots* chosen = find(*now.stations, now.stage, now.selected)) return chosen;
-  const auto found = std::find_if(now.stations->begin(), now.stations->end(), [&](const StationShots& one) {
-    return wanted(now.stage, one) && !taken(now.stage, one);
-  });
+  const auto found = std::find_if(now.stations->begin(), now.stations->end(),
+                                  [&](const StationShots& one) { return wanted(now.stage, one) && !taken(now.stage, one); });
   return found == now.stations->end() ? nullptr : &*found;
 }
 
@@ -77,7 +76,8 @@ std::string no_finish(const Situation& now, const Guidance& guidance) {
   if (now.stage == LiveStage::kCalibrate)
     return guidance.have >= kLeastPoses ? std::string() : fmt::format("{} pairs of the board are too few", guidance.have);
   if (now.stage == LiveStage::kCommission && !now.calibrated) return "the cameras are not calibrated yet";
-  if (now.stage == LiveStage::kScan && now.needs_commissioning && !now.commissioned) return "the machine is not commissioned yet";
+  if (now.stage == LiveStage::kScan && now.needs_commissioning && !now.commissioned)
+    return "the machine is not commissioned yet";
   if (guidance.want == 0) return "the job has no station for this";
   const int left = guidance.want - guidance.have;
   return left == 0 ? std::string() : fmt::format("{} of {} stations {} missing", left, guidance.want, left == 1 ? "is" : "are");
@@ -99,7 +99,8 @@ void guide_board(const Situation& now, Guidance& guidance, std::string& next) {
   guidance.want = kWantedPoses;
   next = no_picture(now);
   if (now.wanted_pose.empty() && guidance.have >= kWantedPoses) {
-    guidance.instruction = now.calibrated ? "The cameras are calibrated. Go on with the machine." : "Enough. Press Finish to calibrate.";
+    guidance.instruction =
+        now.calibrated ? "The cameras are calibrated. Go on with the machine." : "Enough. Press Finish to calibrate.";
   } else {
     guidance.instruction =
         fmt::format("{} Hold it still and press Next.",
@@ -122,18 +123,19 @@ void guide_station(const Situation& now, Guidance& guidance, std::string& next) 
   if (station == nullptr) {
     next = guidance.want == 0 ? "the job has no station for this" : "all stations are taken; choose one to take it again";
     const bool done = commission ? now.commissioned : false;
-    guidance.instruction = guidance.want == 0 ? fmt::format("The job has no station {}.", commission ? "with a cross" : "to scan")
-                           : done             ? "The machine is commissioned. Go on with the hole."
-                           : commission       ? "All stations are taken. Press Finish to commission the machine."
-                                              : "All stations are taken. Press Finish for the hole's edge and the torch's path.";
+    guidance.instruction = guidance.want == 0
+                               ? fmt::format("The job has no station {}.", commission ? "with a cross" : "to scan")
+                           : done       ? "The machine is commissioned. Go on with the hole."
+                           : commission ? "All stations are taken. Press Finish to commission the machine."
+                                        : "All stations are taken. Press Finish for the hole's edge and the torch's path.";
     return;
   }
   guidance.station = *station;
   next = no_shot(now, *station);
   if (next.empty()) {
-    guidance.instruction = fmt::format("Station {}: {} Press Next.", station->name,
-                                       commission ? "do both cameras see the cross, and does it stand still?"
-                                                  : "does everything stand still?");
+    guidance.instruction =
+        fmt::format("Station {}: {} Press Next.", station->name,
+                    commission ? "do both cameras see the cross, and does it stand still?" : "does everything stand still?");
   } else {
     guidance.instruction = fmt::format("Move the beam to X = {:.1f} mm for station {}.", station->axis_mm, station->name);
     if (!now.taking.empty()) guidance.instruction = fmt::format("Do not move: {} is being taken.", now.taking);
@@ -150,8 +152,8 @@ double same_stop_mm(double axis_sigma_mm) {
 
 const std::string& Guidance::why_not(const std::string& command) const {
   static const std::string unknown = "there is no such command";
-  const auto found = std::find_if(permissions.begin(), permissions.end(),
-                                  [&](const Permission& one) { return one.command == command; });
+  const auto found =
+      std::find_if(permissions.begin(), permissions.end(), [&](const Permission& one) { return one.command == command; });
   return found == permissions.end() ? unknown : found->why_not;
 }
 

@@ -16,20 +16,20 @@ struct Situation {
   LiveStage stage = LiveStage::kCalibrate;
   base::Result<BoardShots> board = BoardShots{};
   base::Result<std::vector<StationShots>> stations = std::vector<StationShots>{};
-  std::string selected = {};                 ///< station that the operator chose; empty: the first that lacks something
-  std::vector<std::string> scanned = {};     ///< stations whose cloud is there
-  bool calibrated = false;              ///< results are there
+  std::string selected = {};              ///< station that the operator chose; empty: the first that lacks something
+  std::vector<std::string> scanned = {};  ///< stations whose cloud is there
+  bool calibrated = false;                ///< results are there
   bool commissioned = false;
-  bool needs_commissioning = false;     ///< the job has a cross
-  std::string cameras_trouble = {};          ///< empty: they run
+  bool needs_commissioning = false;  ///< the job has a cross
+  std::string cameras_trouble = {};  ///< empty: they run
   base::Result<devices::AxisReading> axis = devices::AxisReading{};
-  double axis_sigma_mm = 0.0;           ///< of a reading, as the job tells it
+  double axis_sigma_mm = 0.0;  ///< of a reading, as the job tells it
   bool has_projector = false;
-  std::string taking = {};                   ///< what is being taken now; empty: nothing
-  std::string computing = {};                ///< what is being computed; empty: nothing
-  std::string last = {};                     ///< what was taken last in this stage; empty: nothing
-  std::string last_station = {};             ///< its station
-  std::string wanted_pose = {};              ///< of the board, in words; empty: any
+  std::string taking = {};        ///< what is being taken now; empty: nothing
+  std::string computing = {};     ///< what is being computed; empty: nothing
+  std::string last = {};          ///< what was taken last in this stage; empty: nothing
+  std::string last_station = {};  ///< its station
+  std::string wanted_pose = {};   ///< of the board, in words; empty: any
 };
 
 /// Pairs of the board that a calibration should have (docs/commissioning.md).
@@ -47,7 +47,7 @@ struct Guidance {
   std::string instruction = {};
   std::vector<Permission> permissions = {};  ///< of next, repeat, undo, finish, cancel, check
   std::optional<StationShots> station = {};  ///< the one that is next; nothing in kCalibrate or where none is
-  int have = 0;                         ///< of the stage's shots
+  int have = 0;                              ///< of the stage's shots
   int want = 0;
 
   [[nodiscard]] const std::string& why_not(const std::string& command) const;

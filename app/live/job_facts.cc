@@ -92,7 +92,8 @@ std::optional<GapStatus> gaps_of(const fs::path& results) {
     if (!(length_mm > 0.0)) continue;
     ++gaps.count;
     gaps.length_mm += length_mm;
-    if (number_at(gap, {"from_mm"}) >= length_to_last_mm) rim_mm += length_mm;  // the way back to the first point of an open rim
+    if (number_at(gap, {"from_mm"}) >= length_to_last_mm)
+      rim_mm += length_mm;  // the way back to the first point of an open rim
   }
   gaps.coverage = 1.0 - gaps.length_mm / rim_mm;
   return gaps;

@@ -23,10 +23,10 @@ struct JobFacts {
     std::string report;   ///< its page in the job's folder; empty: it has none
     std::vector<base::Verdict> verdicts;
   };
-  std::map<LiveStage, Result> results;          ///< of the stages that are done
-  std::map<std::string, Epipolar> scanned;      ///< stations whose cloud is there
-  std::optional<GapStatus> gaps;                ///< of the hole's edge
-  HealthStatus health;                          ///< of the latest check of the head
+  std::map<LiveStage, Result> results;      ///< of the stages that are done
+  std::map<std::string, Epipolar> scanned;  ///< stations whose cloud is there
+  std::optional<GapStatus> gaps;            ///< of the hole's edge
+  HealthStatus health;                      ///< of the latest check of the head
 
   [[nodiscard]] bool done(LiveStage stage) const { return results.contains(stage); }
 };

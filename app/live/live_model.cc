@@ -118,8 +118,8 @@ void LiveModel::choose(LiveStage stage) {
 
 Result<> LiveModel::select(const std::string& station) {
   const std::lock_guard lock(mutex_);
-  const bool known = std::any_of(job_.stations.begin(), job_.stations.end(),
-                                 [&](const JobStation& one) { return one.name == station; });
+  const bool known =
+      std::any_of(job_.stations.begin(), job_.stations.end(), [&](const JobStation& one) { return one.name == station; });
   if (!known) return base::fail(ErrorCode::kUsage, fmt::format("the job has no station '{}'", station));
   selected_ = station;
   return {};

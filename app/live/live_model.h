@@ -33,7 +33,7 @@ struct LastShot {
 
 /// What is going on, as workers and devices tell it.
 struct LiveActivity {
-  std::string taking = {};     ///< empty: nothing
+  std::string taking = {};  ///< empty: nothing
   std::string computing = {};
   std::optional<WorkStatus> work = {};
   base::Result<devices::AxisReading> axis = devices::AxisReading{};
@@ -80,7 +80,8 @@ class LiveModel {
   [[nodiscard]] LiveStatus status(const LiveActivity& activity) const;
   /// Grows whenever scene() would say something else, markers aside.
   [[nodiscard]] std::uint64_t scene_version() const;
-  [[nodiscard]] std::string scene(const std::vector<MarkerStatus>& markers, const std::string& frame, std::uint64_t version) const;
+  [[nodiscard]] std::string scene(const std::vector<MarkerStatus>& markers, const std::string& frame,
+                                  std::uint64_t version) const;
 
  private:
   LiveModel() = default;

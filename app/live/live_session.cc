@@ -144,7 +144,8 @@ LiveActivity LiveSession::Parts::activity() {
 }
 
 void LiveSession::Parts::connect() {
-  if (auto started = watch.start(devices.preview); !started) model->log("error", fmt::format("cameras: {}", started.error().message));
+  if (auto started = watch.start(devices.preview); !started)
+    model->log("error", fmt::format("cameras: {}", started.error().message));
 }
 
 /// Ten times a second, where something changed.
@@ -158,6 +159,10 @@ void LiveSession::Parts::publish(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     const LiveActivity now = activity();
     watch.set_place(model->known_head(), now.axis);
+    if (devices.wanted) {
+      const Guidance guidance = model->guidance(now);
+      devices.wanted(model->stage(), guidance.have, guidance.station ? guidance.station->name : std::string());
+    }
     LiveStatus status = model->status(now);
     watch.describe(status);
     if (status.stage == LiveStage::kCalibrate) status.board = board.status();
@@ -181,10 +186,10 @@ void LiveSession::Parts::publish(const std::stop_token& stop) {
 }
 
 Session LiveSession::Parts::session_of(const Progress& progress) {
-  return Session(threads, progress.stop,
-                 {progress.report, [this](std::string_view line) {
-                    if (!line.ends_with(".html") && !line.ends_with(".json")) model->log("info", std::string(line));
-                  }});
+  return Session(threads, progress.stop, {progress.report, [this](std::string_view line) {
+                                            if (!line.ends_with(".html") && !line.ends_with(".json"))
+                                              model->log("info", std::string(line));
+                                          }});
 }
 
 Result<> LiveSession::Parts::take_board(const PairOfFiles& places, const Progress& progress) {
@@ -277,8 +282,8 @@ Result<> LiveSession::Parts::scan_one(const std::string& station, const Progress
 Result<> LiveSession::Parts::compute(LiveStage stage, const Progress& progress) {
   Session session = session_of(progress);
   const Job job = model->job();
-  const auto steps = stage == LiveStage::kScan ? Result<std::vector<const JobStep*>>(steps_of(job))
-                                               : steps_until(job, last_step(stage));
+  const auto steps =
+      stage == LiveStage::kScan ? Result<std::vector<const JobStep*>>(steps_of(job)) : steps_until(job, last_step(stage));
   if (!steps) return tl::unexpected(steps.error());
   const auto tell_step = [&](const JobStep& step, const StepOutcome& done) {
     model->log(done.outcome == Outcome::kOk ? "info" : "warning", fmt::format("{}: {}", step.name, done.summary));
@@ -300,8 +305,7 @@ Result<> LiveSession::Parts::check_head(double axis_mm, const PairOfFiles& place
   const fs::path results = model->results();
   const auto checked = check_head_step(job, task, results / "commission", results / "check", session);
   if (!checked) return tl::unexpected(checked.error());
-  for (const std::string& line : checked->lines)
-    model->log(checked->step.outcome == Outcome::kOk ? "info" : "warning", line);
+  for (const std::string& line : checked->lines) model->log(checked->step.outcome == Outcome::kOk ? "info" : "warning", line);
   return model->reload();
 }
 
@@ -403,7 +407,8 @@ Result<> LiveSession::Parts::command(const std::string& text) {
   if (*name == "axis") {
     const auto position_mm = number_of(parsed, "position_mm");
     if (!position_mm) return tl::unexpected(position_mm.error());
-    if (devices.typed == nullptr) return base::fail(ErrorCode::kUsage, "the axis is read from the machine; nothing is typed in");
+    if (devices.typed == nullptr)
+      return base::fail(ErrorCode::kUsage, "the axis is read from the machine; nothing is typed in");
     return devices.typed->enter(*position_mm);
   }
   if (*name == "exposure") return change_exposure(parsed);
@@ -426,7 +431,8 @@ Result<> LiveSession::Parts::command(const std::string& text) {
   return {};
 }
 
-Result<std::unique_ptr<LiveSession>> LiveSession::begin(const fs::path& job, LiveDevices devices, live::Feed& feed, int threads) {
+Result<std::unique_ptr<LiveSession>> LiveSession::begin(const fs::path& job, LiveDevices devices, live::Feed& feed,
+                                                        int threads) {
   auto model = LiveModel::read(job);
   if (!model) return base::fail(std::move(model));
   auto parts = std::make_unique<Parts>(*std::move(model), std::move(devices), feed, threads);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/live/capture.h"
+#include "app/live/live_status.h"
 #include "app/live/tapped_pairs.h"
 #include "base/image.h"
 #include "base/pattern_sequence.h"
@@ -28,9 +29,11 @@ struct LiveDevices {
   devices::TypedAxis* typed = nullptr;  ///< the same, where positions are typed in on the page
   double axis_max_age_s = 10.0;         ///< an older reading is refused; default: nobody drives the beam and forgets it within
   devices::PatternSequencer* projector = nullptr;  ///< none: nothing can be scanned
-  PatternImages pattern_images;
-  devices::CameraSettings preview;  ///< while the operator looks
-  CaptureOptions capture;           ///< of measuring images
+  PatternImages pattern_images = {};
+  devices::CameraSettings preview = {};  ///< while the operator looks
+  CaptureOptions capture = {};           ///< of measuring images
+  /// Hears what the operator is told to do next: how many shots the stage has, and which station is next. Must not wait.
+  std::function<void(LiveStage stage, int have, const std::string& station)> wanted = {};
 };
 
 /// Guides an operator through a job at the machine: calibrate, commission, scan. It takes the images into an ordinary job folder, runs the
@@ -42,8 +45,8 @@ struct LiveDevices {
 class LiveSession {
  public:
   /// Starts the cameras; cameras that do not answer are told of and can be connected again. Errors: those of the job.
-  static base::Result<std::unique_ptr<LiveSession>> begin(const std::filesystem::path& job, LiveDevices devices, live::Feed& feed,
-                                                          int threads);
+  static base::Result<std::unique_ptr<LiveSession>> begin(const std::filesystem::path& job, LiveDevices devices,
+                                                          live::Feed& feed, int threads);
   /// Cancels what runs, stops the cameras.
   ~LiveSession();
   LiveSession(const LiveSession&) = delete;

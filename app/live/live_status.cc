@@ -30,8 +30,12 @@ std::string title_of(LiveStage stage) {
 }
 
 ordered_json stage_json(const StageStatus& stage) {
-  return {{"name", live_stage_name(stage.stage)}, {"title", title_of(stage.stage)}, {"state", stage.state},
-          {"have", stage.have},                   {"want", stage.want},             {"summary", stage.summary},
+  return {{"name", live_stage_name(stage.stage)},
+          {"title", title_of(stage.stage)},
+          {"state", stage.state},
+          {"have", stage.have},
+          {"want", stage.want},
+          {"summary", stage.summary},
           {"report", stage.report.empty() ? ordered_json(nullptr) : ordered_json(stage.report)}};
 }
 
@@ -74,7 +78,7 @@ ordered_json marker_json(const MarkerStatus& marker) {
 }
 
 ordered_json axis_json(const AxisStatus& axis) {
-  return {{"source", axis.source},         {"typed", axis.typed}, {"position_mm", or_null(axis.position_mm)},
+  return {{"source", axis.source},        {"typed", axis.typed}, {"position_mm", or_null(axis.position_mm)},
           {"age_s", or_null(axis.age_s)}, {"fresh", axis.fresh}, {"trouble", axis.trouble}};
 }
 
@@ -96,15 +100,14 @@ ordered_json board_json(const BoardStatus& board) {
 }
 
 ordered_json station_json(const StationStatus& station) {
-  return {{"name", station.name},   {"axis_mm", station.axis_mm}, {"measured_mm", or_null(station.measured_mm)},
-          {"cross", station.cross}, {"scan", station.scan},       {"epipolar_px", or_null(station.epipolar_px)},
+  return {{"name", station.name},      {"axis_mm", station.axis_mm}, {"measured_mm", or_null(station.measured_mm)},
+          {"cross", station.cross},    {"scan", station.scan},       {"epipolar_px", or_null(station.epipolar_px)},
           {"current", station.current}};
 }
 
 ordered_json verdict_json(const base::Verdict& verdict) {
-  return {{"name", verdict.name},     {"value", verdict.value},
-          {"limit", verdict.limit},   {"unit", verdict.unit},
-          {"source", verdict.source}, {"level", std::string(base::verdict_level_name(verdict.level))}};
+  return {{"name", verdict.name}, {"value", verdict.value},   {"limit", verdict.limit},
+          {"unit", verdict.unit}, {"source", verdict.source}, {"level", std::string(base::verdict_level_name(verdict.level))}};
 }
 
 template <typename List, typename ToJson>
@@ -118,9 +121,8 @@ ordered_json drift_json(const std::vector<StationStatus>& stations) {
   ordered_json drift = ordered_json::array();
   for (const StationStatus& station : stations) {
     if (!station.epipolar_px) continue;
-    drift.push_back({{"station", station.name},
-                     {"epipolar_px", *station.epipolar_px},
-                     {"sigma_px", or_null(station.epipolar_sigma_px)}});
+    drift.push_back(
+        {{"station", station.name}, {"epipolar_px", *station.epipolar_px}, {"sigma_px", or_null(station.epipolar_sigma_px)}});
   }
   return drift;
 }
@@ -153,20 +155,20 @@ std::string status_json(const LiveStatus& status) {
     can[one.command] = one.why_not.empty();
     why_not[one.command] = one.why_not;
   }
-  ordered_json json = {{"format", "crosstie-live/1"},
-                       {"sequence", status.sequence},
-                       {"time", status.time},
-                       {"job", {{"name", status.job_name}, {"folder", status.job_folder}}},
-                       {"stage", live_stage_name(status.stage)},
-                       {"stages", list_json(status.stages, stage_json)},
-                       {"instruction", status.instruction},
-                       {"can", can},
-                       {"why_not", why_not},
-                       {"cameras", list_json(status.cameras, camera_json)},
-                       {"pairs",
-                        {{"count", status.pairs}, {"unmatched", status.unmatched}, {"contradicted", status.contradicted}}},
-                       {"markers", list_json(status.markers, marker_json)},
-                       {"frame", status.frame.empty() ? ordered_json(nullptr) : ordered_json(status.frame)}};
+  ordered_json json = {
+      {"format", "crosstie-live/1"},
+      {"sequence", status.sequence},
+      {"time", status.time},
+      {"job", {{"name", status.job_name}, {"folder", status.job_folder}}},
+      {"stage", live_stage_name(status.stage)},
+      {"stages", list_json(status.stages, stage_json)},
+      {"instruction", status.instruction},
+      {"can", can},
+      {"why_not", why_not},
+      {"cameras", list_json(status.cameras, camera_json)},
+      {"pairs", {{"count", status.pairs}, {"unmatched", status.unmatched}, {"contradicted", status.contradicted}}},
+      {"markers", list_json(status.markers, marker_json)},
+      {"frame", status.frame.empty() ? ordered_json(nullptr) : ordered_json(status.frame)}};
   json["needed"] = nullptr;
   if (status.needed)
     json["needed"] = {{"want", status.needed->want}, {"seen", status.needed->seen}, {"missing", status.needed->missing}};
@@ -185,8 +187,7 @@ std::string status_json(const LiveStatus& status) {
   json["drift"] = drift_json(status.stations);
   json["gaps"] = nullptr;
   if (status.gaps)
-    json["gaps"] = {
-        {"count", status.gaps->count}, {"length_mm", status.gaps->length_mm}, {"coverage", status.gaps->coverage}};
+    json["gaps"] = {{"count", status.gaps->count}, {"length_mm", status.gaps->length_mm}, {"coverage", status.gaps->coverage}};
   json["verdicts"] = list_json(status.verdicts, verdict_json);
   json["scene_version"] = status.scene_version;
   json["log"] = list_json(status.log, [](const LogLine& line) {

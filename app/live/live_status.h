@@ -88,9 +88,9 @@ struct BoardStatus {
   std::array<std::vector<int>, 2> counts = {};  ///< of corners in each cell, left and right, row by row
   int poses = 0;
   int tilted_left = 0, tilted_right = 0, tilted_up = 0, tilted_down = 0, rolled = 0;
-  std::string wanted = {};                       ///< the next pose in words; empty: enough
-  std::optional<std::array<int, 2>> cell = {};   ///< column and row that it should lie in,
-  std::string cell_side = {};                    ///< in the image of this camera
+  std::string wanted = {};                      ///< the next pose in words; empty: enough
+  std::optional<std::array<int, 2>> cell = {};  ///< column and row that it should lie in,
+  std::string cell_side = {};                   ///< in the image of this camera
 };
 
 struct StationStatus {

@@ -81,7 +81,8 @@ void LiveWatch::take(Result<live::PreviewPair> pair) {
   std::vector<live::SpatialMarker> markers;
   // Without a head every marker is told of, too: by locate_markers with none, it would have no place.
   if (place->head->head) {
-    auto located = live::locate_markers(*place->head->head, pair->pictures[0].observations, pair->pictures[1].observations, place->tie);
+    auto located =
+        live::locate_markers(*place->head->head, pair->pictures[0].observations, pair->pictures[1].observations, place->tie);
     if (located) markers = *std::move(located);
   }
   const std::lock_guard lock(mutex_);
@@ -95,7 +96,8 @@ void LiveWatch::take(Result<live::PreviewPair> pair) {
 
 /// Call with the mutex held.
 CameraStatus LiveWatch::camera_status(std::size_t side, const live::PreviewCamera& camera) {
-  CameraStatus status{.side = kSides[side], .name = camera.camera.name, .running = camera.camera.running, .trouble = camera.camera.trouble};
+  CameraStatus status{
+      .side = kSides[side], .name = camera.camera.name, .running = camera.camera.running, .trouble = camera.camera.trouble};
   if (status.trouble.empty() && !camera.camera.running) status.trouble = trouble_;
   status.frames = camera.camera.frames;
   status.dropped = camera.dropped;
@@ -158,7 +160,8 @@ void LiveWatch::describe_markers(LiveStatus& status) const {
 void LiveWatch::describe(LiveStatus& status) {
   const live::PreviewStatistics statistics = loop_->statistics();
   const std::lock_guard lock(mutex_);
-  for (const std::size_t side : {std::size_t{0}, std::size_t{1}}) status.cameras[side] = camera_status(side, statistics.cameras[side]);
+  for (const std::size_t side : {std::size_t{0}, std::size_t{1}})
+    status.cameras[side] = camera_status(side, statistics.cameras[side]);
   status.pairs = statistics.pairs.pairs;
   status.unmatched = statistics.pairs.unmatched[0] + statistics.pairs.unmatched[1];
   status.contradicted = statistics.pairs.contradicted;

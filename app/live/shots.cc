@@ -34,17 +34,18 @@ struct Pattern {
 Result<Pattern> board_pattern(const Job& job, const std::string& camera) {
   const auto found = job.cameras.find(camera);
   if (!job.board || found == job.cameras.end() || !found->second.board_images) {
-    return base::fail(ErrorCode::kBadInput,
-                      fmt::format("{}: [board] and board_images of the camera {} are needed to calibrate", job.file.string(), camera));
+    return base::fail(ErrorCode::kBadInput, fmt::format("{}: [board] and board_images of the camera {} are needed to calibrate",
+                                                        job.file.string(), camera));
   }
   const fs::path pattern = job.resolve(*found->second.board_images);
   const std::string name = pattern.filename().string();
   const std::size_t star = name.find('*');
   if (star == std::string::npos || name.find_first_of("*?", star + 1) != std::string::npos ||
       pattern.parent_path().string().find_first_of("*?") != std::string::npos || pattern.extension() != ".png") {
-    return base::fail(ErrorCode::kBadInput, fmt::format("{}: board_images of {} must be a folder and a name such as *.png, with one "
-                                                        "asterisk, for images to be put there; it is '{}'",
-                                                        job.file.string(), camera, *found->second.board_images));
+    return base::fail(ErrorCode::kBadInput,
+                      fmt::format("{}: board_images of {} must be a folder and a name such as *.png, with one "
+                                  "asterisk, for images to be put there; it is '{}'",
+                                  job.file.string(), camera, *found->second.board_images));
   }
   return Pattern{pattern.parent_path(), name.substr(0, star), name.substr(star + 1)};
 }
@@ -127,8 +128,8 @@ Result<fs::path> put_aside(const fs::path& job_folder, const std::vector<fs::pat
     if (!is_there(path)) continue;
     const fs::path inside = path.lexically_relative(job_folder);
     if (inside.empty() || *inside.begin() == "..") {
-      return base::fail(ErrorCode::kUsage, fmt::format("{} is not in the job's folder {}; it stays where it is", base::shown(path),
-                                                       base::shown(job_folder)));
+      return base::fail(ErrorCode::kUsage, fmt::format("{} is not in the job's folder {}; it stays where it is",
+                                                       base::shown(path), base::shown(job_folder)));
     }
     if (auto made = base::make_folder((aside / inside).parent_path()); !made) return tl::unexpected(made.error());
     std::error_code failed;

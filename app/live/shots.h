@@ -26,13 +26,13 @@ base::Result<BoardShots> board_shots(const Job& job);
 /// What a station of the job wants and has.
 struct StationShots {
   std::string name = {};
-  double axis_mm = 0.0;         ///< as planned; as read once something was taken
+  double axis_mm = 0.0;  ///< as planned; as read once something was taken
   bool wants_cross = false;
   bool wants_scan = false;
-  bool cross_taken = false;     ///< both photographs are there
-  bool scan_taken = false;      ///< all images of both cameras are there
-  PairOfFiles cross = {};       ///< paths of the photographs
-  PairOfFiles scan = {};        ///< folders of the fringe images
+  bool cross_taken = false;  ///< both photographs are there
+  bool scan_taken = false;   ///< all images of both cameras are there
+  PairOfFiles cross = {};    ///< paths of the photographs
+  PairOfFiles scan = {};     ///< folders of the fringe images
   std::filesystem::path manifest = {};
 };
 

@@ -96,8 +96,8 @@ Result<FramePair> TappedPairs::take(HostTime after, double timeout_s, const base
   after_.reset();
   if (taken_) return *std::exchange(taken_, std::nullopt);
   if (progress.cancelled()) return base::cancelled("taking a pair");
-  return base::fail(ErrorCode::kDevice, fmt::format("no pair of images came within {:.1f} s{}", timeout_s,
-                                                    triggered ? " after the trigger" : ""));
+  return base::fail(ErrorCode::kDevice,
+                    fmt::format("no pair of images came within {:.1f} s{}", timeout_s, triggered ? " after the trigger" : ""));
 }
 
 }  // namespace crosstie::app

@@ -10,8 +10,7 @@ namespace crosstie::app {
 using base::Progress;
 using base::Result;
 
-Worker::Worker(Done done)
-    : done_(std::move(done)), thread_([this](const std::stop_token& stop) { run(stop); }) {}
+Worker::Worker(Done done) : done_(std::move(done)), thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
 Worker::~Worker() {
   thread_.request_stop();
