@@ -24,6 +24,8 @@ using base::Result;
 constexpr std::size_t kMaxDevicesBytes = std::size_t{1} << 20;
 constexpr double kTypedMaxAge_s = 120.0;  // to type it in, look at both pictures and press Next
 
+constexpr double kSoftwareSkew_s = 0.5;
+
 /// What the file says, before anything is opened.
 struct Wishes {
   fs::path folder;  ///< of the file; relative paths belong to it
@@ -164,7 +166,10 @@ Result<> open_cameras(const Wishes& wishes, OpenDevices& open) {
     if (!camera) return base::fail(std::move(camera));
     open.cameras[side] = *std::move(camera);
   }
-  open.pairs = std::make_unique<devices::CameraPair>(*open.cameras[0], *open.cameras[1]);
+  devices::FramePairingOptions pairing;
+  // Two software triggers are as far apart as the network wants.
+  if (wishes.settings.trigger == devices::TriggerMode::kSoftware) pairing.max_device_skew_s = kSoftwareSkew_s;
+  open.pairs = std::make_unique<devices::CameraPair>(*open.cameras[0], *open.cameras[1], pairing);
   return {};
 }
 

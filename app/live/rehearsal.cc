@@ -76,7 +76,9 @@ Result<> TwinRehearsal::open(const std::string& scene_name, std::uint64_t seed, 
     if (!camera) return base::fail(std::move(camera));
     cameras_[side] = *std::move(camera);
   }
-  pairs_ = std::make_unique<devices::CameraPair>(*cameras_[0], *cameras_[1]);
+  // Two software triggers are as far apart as a busy computer makes them.
+  pairs_ = std::make_unique<devices::CameraPair>(
+      *cameras_[0], *cameras_[1], devices::FramePairingOptions{.max_host_skew_s = 0.040, .max_device_skew_s = 0.5});
   devices::TcpAxisOptions axis{.host = "127.0.0.1", .port = axis_server_->port()};
   axis.dialogue.line.label = "X";
   auto reader = devices::connect_tcp_axis(axis);
@@ -145,6 +147,7 @@ void TwinRehearsal::run_errands(const std::stop_token& stop) {
     }
     base::Progress progress;
     progress.stop = stop;
+    (void)twin_->lamps_on(progress);  // a scan leaves the projector as its last pattern
     // What the scene does not have is not brought: the page shows what stands there instead.
     if (errand.axis_mm) (void)twin_->move_to(*errand.axis_mm, progress);
     (void)twin_->place(errand.place, progress);
