@@ -56,7 +56,7 @@ double focal_of(const std::vector<base::BoardImage>& views, std::size_t side, co
 /// Between two directions of rows, 0..pi/2: half a turn cannot be told.
 double turn_between(double a_rad, double b_rad) { return std::abs(std::remainder(a_rad - b_rad, std::numbers::pi)); }
 
-/// Whether each roll differs from most by 60 degrees or more: `most` is the roll with the most others near to it, the first of equals.
+/// The roll of most poses: the one that most others are within 60 degrees of, the first of equals.
 double usual_roll(const std::vector<double>& rolls) {
   double usual = 0.0;
   std::ptrdiff_t most = -1;

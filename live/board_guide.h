@@ -27,7 +27,7 @@ struct BoardGuideOptions {
   [[nodiscard]] base::Result<> validate() const;
 };
 
-/// To which side the board's front faces away from the camera: kLeft is a board whose left side, as the camera sees it, is farther away.
+/// To which side the board's front faces, past the camera: kLeft is a board whose left side, as the camera sees it, is farther away.
 enum class BoardTilt { kLeft, kRight, kUp, kDown };
 
 /// How a board is held.

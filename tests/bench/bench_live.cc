@@ -1,5 +1,6 @@
 // The operator's page at work: two simulated cameras replay pictures that the twin rendered, 1224 x 1024 with some 30 coded markers; each
-// pair is searched for markers, judged, drawn, coded as JPEG and triangulated. What counts is the rate that two cores hold.
+// pair is searched for markers, judged, drawn, coded as JPEG and triangulated. What counts is the rate that two cores hold; at 100 Hz, more
+// than they can, the newest win.
 
 #include <sys/resource.h>
 
@@ -31,7 +32,9 @@ constexpr std::size_t kPictures = 4;  // of each camera, with noise of their own
 double cpu_s() {
   rusage usage{};
   ::getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& time) { return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec); };
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
@@ -52,7 +55,11 @@ struct Twin {
 base::Result<Twin> make_twin() {
   auto scene = fixtures::make_scene("segment");
   if (!scene) return base::fail(std::move(scene));
-  Twin twin{.scene = fixtures::drawn(*std::move(scene), 1), .pictures = {}, .head = {.left = *base::Camera::nominal(base::LensModel::kOpenCv5, 8, 8, 8.0), .right = *base::Camera::nominal(base::LensModel::kOpenCv5, 8, 8, 8.0), .right_from_left = {}}};
+  Twin twin{.scene = fixtures::drawn(*std::move(scene), 1),
+            .pictures = {},
+            .head = {.left = *base::Camera::nominal(base::LensModel::kOpenCv5, 8, 8, 8.0),
+                     .right = *base::Camera::nominal(base::LensModel::kOpenCv5, 8, 8, 8.0),
+                     .right_from_left = {}}};
   const int middle = static_cast<int>(twin.scene.machine->stations.size() / 2);
   for (std::size_t v = 0; v < twin.scene.views.size(); ++v) {
     const fixtures::View& view = twin.scene.views[v];
@@ -96,10 +103,12 @@ void print_steps(const Twin& twin, const live::PreviewOptions& options) {
   }
   const auto coded = std::count_if(seen[0].observations.begin(), seen[0].observations.end(),
                                    [](const auto& one) { return one.status == base::ObservationStatus::kCoded; });
-  std::printf("one thread, median of %d [ms a picture]: detect %.1f, judge %.1f, draw %.1f, encode %.1f (%zu kB), together %.1f of CPU; "
-              "3D %.1f a pair; %td coded of %zu observations\n",
-              2 * kRuns, quantile(detect, 0.5), quantile(judge, 0.5), quantile(draw, 0.5), quantile(encode, 0.5), bytes / 1000,
-              quantile(cpu, 0.5), quantile(locate, 0.5), coded, seen[0].observations.size());
+  std::printf(
+      "one thread, median of %d [ms a picture]: detect %.1f, judge %.1f, draw %.1f, encode %.1f (%zu kB), together %.1f of "
+      "CPU; "
+      "3D %.1f a pair; %td coded of %zu observations\n",
+      2 * kRuns, quantile(detect, 0.5), quantile(judge, 0.5), quantile(draw, 0.5), quantile(encode, 0.5), bytes / 1000,
+      quantile(cpu, 0.5), quantile(locate, 0.5), coded, seen[0].observations.size());
 }
 
 void run(const Twin& twin, const live::PreviewOptions& options, double rate_hz, double seconds) {
@@ -109,7 +118,7 @@ void run(const Twin& twin, const live::PreviewOptions& options, double rate_hz, 
     };
   };
   devices::SimulatedCamera left("left", replay(0)), right("right", replay(1));
-  devices::CameraPair pair(left, right, {.max_host_skew_s = 0.012});  // below half of the time between two exposures
+  devices::CameraPair pair(left, right, {.max_host_skew_s = 0.4 / rate_hz});  // below half of the time between two exposures
   live::Feed feed;
   std::mutex mutex;
   std::vector<double> latency_ms;
@@ -141,15 +150,16 @@ void run(const Twin& twin, const live::PreviewOptions& options, double rate_hz, 
   const double passed_s = seconds_between(begin, host_now());
   const std::lock_guard lock(mutex);
   const auto shown = statistics.cameras[0].shown;
-  std::printf("%2.0f Hz: shown %.1f pairs/s (%llu of %llu paired, %llu unmatched, %llu dropped), latency median %.0f ms, 95 %% %.0f ms, "
-              "%.0f ms of CPU a pair, %.1f markers in space a pair%s\n",
-              rate_hz, static_cast<double>(shown) / passed_s, static_cast<unsigned long long>(shown),
-              static_cast<unsigned long long>(statistics.pairs.pairs),
-              static_cast<unsigned long long>(statistics.pairs.unmatched[0] + statistics.pairs.unmatched[1]),
-              static_cast<unsigned long long>(statistics.cameras[0].dropped), quantile(latency_ms, 0.5), quantile(latency_ms, 0.95),
-              1e3 * (cpu_s() - cpu_before_s) / static_cast<double>(std::max<std::uint64_t>(1, shown)),
-              2.0 * static_cast<double>(located) / static_cast<double>(std::max<std::size_t>(1, latency_ms.size())),
-              trouble.c_str());
+  std::printf(
+      "%3.0f Hz: shown %.1f pairs/s (%llu of %llu paired, %llu unmatched, %llu dropped), latency median %.0f ms, 95 %% %.0f "
+      "ms, "
+      "%.0f ms of CPU a pair, %.1f markers in space a pair%s\n",
+      rate_hz, static_cast<double>(shown) / passed_s, static_cast<unsigned long long>(shown),
+      static_cast<unsigned long long>(statistics.pairs.pairs),
+      static_cast<unsigned long long>(statistics.pairs.unmatched[0] + statistics.pairs.unmatched[1]),
+      static_cast<unsigned long long>(statistics.cameras[0].dropped), quantile(latency_ms, 0.5), quantile(latency_ms, 0.95),
+      1e3 * (cpu_s() - cpu_before_s) / static_cast<double>(std::max<std::uint64_t>(1, shown)),
+      2.0 * static_cast<double>(located) / static_cast<double>(std::max<std::size_t>(1, latency_ms.size())), trouble.c_str());
 }
 
 }  // namespace
@@ -165,6 +175,6 @@ int main(int argc, char** argv) {
   }
   const live::PreviewOptions options{.family = twin->scene.family};
   bench::print_steps(*twin, options);
-  for (const double rate_hz : {20.0, 30.0}) bench::run(*twin, options, rate_hz, seconds);
+  for (const double rate_hz : {20.0, 30.0, 100.0}) bench::run(*twin, options, rate_hz, seconds);
   return 0;
 }

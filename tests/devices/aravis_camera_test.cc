@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include <arv.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,6 +21,7 @@
 #include "devices/gige_simulator.h"
 #include "devices/newest_queue.h"
 #include "tests/devices/gige_turn.h"
+#include "tests/support/temporary_folder.h"
 
 namespace crosstie::devices {
 namespace {
@@ -40,8 +42,30 @@ bool in_order(const std::vector<FrameHeader>& headers) {
                                  [](const FrameFinding& finding) { return finding.fault == FrameFault::kLost; });
 }
 
+constexpr double kTemperature_c = 41.25;
+
+/// Aravis's simulated camera describes itself as this file says, once for all tests: as by itself, and with a temperature.
+void describe_with_temperature(const tests::TemporaryFolder& folder) {
+  GBytes* const own = g_resources_lookup_data("/org/aravis/arv-fake-camera.xml", G_RESOURCE_LOOKUP_FLAGS_NONE, nullptr);
+  if (own == nullptr) return;
+  gsize size = 0;
+  const void* const data = g_bytes_get_data(own, &size);
+  std::string xml(static_cast<const char*>(data), size);
+  g_bytes_unref(own);
+  const auto end = xml.rfind("</RegisterDescription>");
+  if (end == std::string::npos) return;
+  xml.insert(end, "<Float Name=\"DeviceTemperature\" NameSpace=\"Standard\"><Value>" + std::to_string(kTemperature_c) +
+                      "</Value></Float>\n");
+  arv_set_fake_camera_genicam_filename(folder.write("camera.xml", xml).c_str());
+}
+
 class AravisCameraTest : public ::testing::Test {
  protected:
+  static void SetUpTestSuite() {
+    static const tests::TemporaryFolder kFolder;
+    describe_with_temperature(kFolder);
+  }
+
   void SetUp() override {
     plug_in();
     if (!simulator_) GTEST_SKIP() << "no GigE camera can be simulated here: " << why_not_;
@@ -142,6 +166,21 @@ TEST_F(AravisCameraTest, FramesArriveWithTheirPixelsIdsAndTimes) {
   EXPECT_EQ((*camera)->state().frames, 5u);
   (*camera)->stop();
   EXPECT_EQ((*camera)->trigger().error().code, ErrorCode::kDevice);
+}
+
+TEST_F(AravisCameraTest, ItsTemperatureIsReadWhileItRuns) {
+  NewestQueue<Frame> queue(8);
+  auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  EXPECT_FALSE((*camera)->state().temperature_c);
+  ASSERT_TRUE((*camera)->start(triggered(), [&](base::Result<Frame> frame) { queue.push(std::move(frame)); }));
+  ASSERT_TRUE(next_frame(**camera, queue));
+  for (int wait = 0; wait < 200 && !(*camera)->state().temperature_c; ++wait) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  ASSERT_TRUE((*camera)->state().temperature_c);
+  EXPECT_EQ(*(*camera)->state().temperature_c, kTemperature_c);
+  (*camera)->stop();
 }
 
 TEST_F(AravisCameraTest, GreyLevelsOf16BitsArriveWhole) {
