@@ -453,6 +453,7 @@ for (const [size, viewport] of Object.entries(sizes)) {
         assert.deepEqual(faults, []);
         if (size === 'wide' && ['calibrate', 'commission', 'scan', 'scan-working', 'scan-done'].includes(name)) {
           const low = await page.evaluate(() => [...document.querySelectorAll('#buttons, .picture, .losses, .side .card')].filter((one) => one.checkVisibility()).map((one) => [one.id || one.className, one.getBoundingClientRect().bottom]).filter(([, bottom]) => bottom > innerHeight));
+          assert.ok(await page.evaluate(() => [...document.querySelectorAll('.table')].every((one) => one.scrollWidth <= one.clientWidth)), 'tables fit');
           assert.deepEqual(low, [], 'the main things stand in the first screen');
         }
       });
