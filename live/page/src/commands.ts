@@ -74,7 +74,7 @@ export class CommandButton {
   readonly button = element('button');
   private readonly why = element('span', 'why');
   private reason = 'not connected';
-  private pressed = 0;
+  private pressed = -Infinity;
 
   constructor(
     id: string,

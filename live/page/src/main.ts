@@ -97,6 +97,8 @@ setInterval(() => {
   actions.tick();
   axis.tick();
   cameras.tick();
+  // A scene that was not fetched with its state, since the one before was so near.
+  if (newest && connected) space.update(newest);
 }, 1000);
 
 const link = new Link({

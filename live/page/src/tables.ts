@@ -118,7 +118,7 @@ export class Log {
     if (added.length === 0 && this.lines.length === state.log.length) return;
     const atEnd = this.list.scrollTop + this.list.clientHeight >= this.list.scrollHeight - 8;
     for (const line of added) {
-      const item = element('li');
+      const item = element('p');
       item.dataset['level'] = line.level;
       const word = line.level === 'info' ? '' : line.level === 'error' ? 'Error: ' : 'Warning: ';
       item.append(element('time', '', line.time), element('span', '', word + line.text));

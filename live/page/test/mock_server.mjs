@@ -83,6 +83,7 @@ export class MockServer {
     if (path === '/command') return this.#command(request, response);
     if (request.method !== 'GET') return this.#end(response, 405);
     if (path === '/') return this.#end(response, 200, readFileSync(page), 'text/html; charset=utf-8');
+    if (path === '/favicon.ico') return this.#end(response, 204);
     if (path === '/state') return this.#end(response, 200, JSON.stringify(this.state), 'application/json');
     if (path === '/events') {
       response.writeHead(200, { 'Content-Type': 'text/event-stream', 'Cache-Control': 'no-store' });

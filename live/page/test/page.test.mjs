@@ -37,6 +37,7 @@ after(async () => server.stop());
 beforeEach(() => {
   server.posts.length = 0;
   server.paths.length = 0;
+  server.sceneVersions.length = 0;
   server.refuse = null;
   server.silentCameras = false;
   server.state = base();
@@ -115,7 +116,7 @@ describe('commands', { concurrency: false }, () => {
     await page.keyboard.up('Enter');
     await page.keyboard.down('n');
     for (let i = 0; i < 9; i++) await page.keyboard.down('n');
-    assert.equal(server.posts.length, 2);
+    assert.deepEqual(server.posts, [{ command: 'next' }, { command: 'next' }, { command: 'next' }]);
   });
 
   test('a button that may not be pressed says why, posts nothing and keeps the focus', async (t) => {
@@ -128,7 +129,7 @@ describe('commands', { concurrency: false }, () => {
     assert.equal(await page.evaluate(() => document.activeElement.id), 'next');
     await page.keyboard.press('Enter');
     await page.keyboard.press('n');
-    await page.click('#finish');
+    await page.click('#finish', { force: true });
     await page.waitForTimeout(200);
     assert.deepEqual(server.posts, []);
     assert.match(await page.textContent('#spoken'), /9 stations are needed/);
@@ -166,9 +167,9 @@ describe('token', { concurrency: false }, () => {
     const other = await open({ token: false });
     await other.page.waitForSelector('#watching:not([hidden])');
     assert.match(await other.page.textContent('#next-why'), /watching only/);
-    await other.page.click('#next');
-    await other.page.click('.stage:not([aria-current])');
-    await other.page.click('#stations-rows button');
+    await other.page.click('#next', { force: true });
+    await other.page.click('.stage:not([aria-current])', { force: true });
+    await other.page.click('#stations-rows button', { force: true });
     await other.page.waitForTimeout(200);
     assert.equal(server.posts.length, 1);
     await other.page.evaluate((token) => {
@@ -268,6 +269,8 @@ describe('what is shown', { concurrency: false }, () => {
     await page.evaluate(() => {
       const range = document.createRange();
       range.selectNodeContents(document.getElementById('instruction'));
+      document.activeElement.blur();
+      getSelection().removeAllRanges();
       getSelection().addRange(range);
       window.changes = [];
       const watch = (id) => new MutationObserver((list) => window.changes.push(...list.map(() => id))).observe(document.getElementById(id), { subtree: true, childList: true, characterData: true, attributes: true });
@@ -450,6 +453,7 @@ for (const [size, viewport] of Object.entries(sizes)) {
         assert.deepEqual(faults, []);
         if (size === 'wide' && ['calibrate', 'commission', 'scan', 'scan-working', 'scan-done'].includes(name)) {
           const low = await page.evaluate(() => [...document.querySelectorAll('#buttons, .picture, .losses, .side .card')].filter((one) => one.checkVisibility()).map((one) => [one.id || one.className, one.getBoundingClientRect().bottom]).filter(([, bottom]) => bottom > innerHeight));
+          assert.ok(await page.evaluate(() => [...document.querySelectorAll('.table')].every((one) => one.scrollWidth <= one.clientWidth)), 'tables fit');
           assert.deepEqual(low, [], 'the main things stand in the first screen');
         }
       });
