@@ -155,12 +155,13 @@ std::optional<WithoutStretches> solve_without_stretches(const EdgeCurve& edge, c
 
 /// Lets the rim's form count: its variance joins those of the points, and both are found in turn. `rim` and `solved` become those with it.
 RimForm let_form_count(EdgeCurve& rim, Solved& solved, bool fit_size) {
+  const bool contradicts = deviates(solved.normals.square_sum, redundancy_of(solved));
   constexpr int kRounds = 3;
   const EdgeCurve plain = rim;
   RimForm form;
   for (int round = 0; round < kRounds; ++round) {
     const NominalProblem problem(plain, solved.nominal, fit_size, solved.turn_is_held);
-    const RimForm found = detail::form_of(plain, problem, solved.state);
+    const RimForm found = detail::form_of(plain, problem, solved.state, contradicts);
     if (found.none()) break;
     EdgeCurve weighted = detail::with_form(plain, found);
     auto again = solve_from(weighted, {solved.nominal, solved.state.frame_from_hole, 0.0}, fit_size, solved.turn_is_held);
@@ -252,8 +253,8 @@ void describe(NominalFit& fit) {
   }
   if (!fit.form.none() || deviates(fit.sigma0 * fit.sigma0 * static_cast<double>(fit.redundancy), fit.redundancy)) {
     const auto said = [](const FormComponent& component) {
-      if (!(component.sigma_mm > 0.0)) return std::string("none");
-      return fmt::format("{:.3f} mm over {:.0f} mm of rim", component.sigma_mm, component.length_mm);
+      if (component.parts.empty()) return std::string("none");
+      return fmt::format("{:.3f} mm over {:.0f} mm of rim", component.sigma_mm(), component.length_mm());
     };
     fit.warnings.push_back(
         {"form", std::string(name_of(fit.nominal.kind)),
@@ -268,6 +269,21 @@ void describe(NominalFit& fit) {
 double EdgeDeviations::sigma_mm(std::size_t i, int row) const {
   const auto at = static_cast<Eigen::Index>(2 * i) + row;
   return std::sqrt(cov_mm2[i](row, row) + (shared_mm.cols() > 0 ? shared_mm.row(at).squaredNorm() : 0.0));
+}
+
+double FormComponent::cov_mm2(double way_mm) const {
+  double sum = 0.0;
+  for (const Part& part : parts)
+    sum += part.variance_mm2 * (part.length_mm > 0.0 ? std::exp(-way_mm / part.length_mm) : way_mm > 0.0 ? 0.0 : 1.0);
+  return sum;
+}
+
+double FormComponent::sigma_mm() const { return std::sqrt(cov_mm2(0.0)); }
+
+double FormComponent::length_mm() const {
+  double sum = 0.0;
+  for (const Part& part : parts) sum += part.variance_mm2 * part.length_mm;
+  return parts.empty() ? 0.0 : sum / cov_mm2(0.0);
 }
 
 double NominalFit::size_sigma_mm(std::size_t i) const {

@@ -47,10 +47,19 @@ struct ForeignStretch {
   double most_u_mm = 0.0;                ///< the largest of their distances, with its sign: see EdgeDeviations
 };
 
-/// Form of a rim in one direction: a stationary process along it.
+/// Form of a rim in one direction: a stationary process along it. A short rim hardly tells over which length a form is correlated, so that it is a mean over
+/// lengths, each as its likelihood says.
 struct FormComponent {
-  double sigma_mm = 0.0;   ///< 0: none that noise does not explain
-  double length_mm = 0.0;  ///< along the rim, over which its correlation falls to 1/e; 0: neighbours deviate independently
+  struct Part {
+    double variance_mm2 = 0.0;
+    double length_mm = 0.0;  ///< over which its correlation falls to 1/e; 0: neighbours deviate independently
+  };
+  std::vector<Part> parts = {};
+
+  /// Covariance of two points by their way along the rim.
+  [[nodiscard]] double cov_mm2(double way_mm) const;
+  [[nodiscard]] double sigma_mm() const;  ///< 0: none that noise does not explain
+  [[nodiscard]] double length_mm() const;  ///< mean of the parts, by variance
 };
 
 /// By how much a rim deviates from its nominal beyond its sigmas.
@@ -58,7 +67,7 @@ struct RimForm {
   FormComponent across;        ///< u
   FormComponent along_normal;  ///< v
 
-  [[nodiscard]] bool none() const { return !(across.sigma_mm > 0.0 || along_normal.sigma_mm > 0.0); }
+  [[nodiscard]] bool none() const { return across.parts.empty() && along_normal.parts.empty(); }
 };
 
 struct NominalFit {

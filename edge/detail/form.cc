@@ -28,11 +28,6 @@ double way_mm(const base::EdgeCurve& rim, std::size_t i, std::size_t k) {
   return rim.closed ? std::min(way, std::abs(rim.length_mm - way)) : way;
 }
 
-double correlation(double way_mm, double length_mm) {
-  if (length_mm <= 0.0) return way_mm > 0.0 ? 0.0 : 1.0;
-  return std::exp(-way_mm / length_mm);
-}
-
 /// The deviations in one direction.
 struct Direction {
   Eigen::VectorXd off_mm;  ///< with what the points share in it
@@ -92,8 +87,9 @@ double minus_two_log(const Direction& direction, double variance_mm2, const Eige
 }
 
 /// The variance that is best for given correlations, by golden section of its logarithm; the criterion there.
-FormComponent best_variance(const Direction& direction, double length_mm, double rms_mm, double& least) {
-  const Eigen::MatrixXd correlations = direction.ways_mm.unaryExpr([&](double way) { return correlation(way, length_mm); });
+FormComponent::Part best_variance(const Direction& direction, double length_mm, double rms_mm, double& least) {
+  const FormComponent unit{{{1.0, length_mm}}};
+  const Eigen::MatrixXd correlations = direction.ways_mm.unaryExpr([&](double way) { return unit.cov_mm2(way); });
   const auto at = [&](double log_sigma) { return minus_two_log(direction, std::exp(2.0 * log_sigma), correlations); };
   double low = std::log(kLeastSigma * rms_mm), high = std::log(kMostSigma * rms_mm);
   double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
@@ -108,10 +104,10 @@ FormComponent best_variance(const Direction& direction, double length_mm, double
     }
   }
   least = std::min(at_a, at_b);
-  return {std::exp(at_a < at_b ? a : b), length_mm};
+  return {std::exp(2.0 * (at_a < at_b ? a : b)), length_mm};
 }
 
-FormComponent component_of(const Direction& direction, double length_mm) {
+FormComponent component_of(const Direction& direction, double length_mm, bool contradicts) {
   const auto n = direction.off_mm.size();
   if (n < static_cast<Eigen::Index>(kLeastPoints) || n <= direction.basis.cols() + 2) return {};
   const double rms_mm = std::sqrt(direction.off_mm.squaredNorm() / static_cast<double>(n));
@@ -119,29 +115,34 @@ FormComponent component_of(const Direction& direction, double length_mm) {
   std::vector<double> steps;
   for (Eigen::Index i = 0; i + 1 < n; ++i) steps.push_back(direction.ways_mm(i, i + 1));
   const double spacing_mm = math::median(steps);
-  FormComponent best;
-  double least = HUGE_VAL;
+  FormComponent all;
+  std::vector<double> criteria;
   for (double length = 0.0; length <= kLongest * length_mm; length = length > 0.0 ? 1.5 * length : 0.5 * spacing_mm) {
-    double here = 0.0;
-    const FormComponent component = best_variance(direction, length, rms_mm, here);
-    if (here < least) {
-      least = here;
-      best = component;
-    }
+    all.parts.push_back(best_variance(direction, length, rms_mm, criteria.emplace_back()));
     if (!(spacing_mm > 0.0)) break;
   }
   const double without = minus_two_log(direction, 0.0, direction.ways_mm);
-  return without - least > math::chi_square_quantile(1.0 - kChance, 2.0) ? best : FormComponent{};
+  const double least = *std::min_element(criteria.begin(), criteria.end());
+  const double gain = without - least;
+  if (!(gain > (contradicts ? 0.0 : math::chi_square_quantile(1.0 - kChance, 2.0)))) return {};
+  double sum = 0.0;
+  for (std::size_t i = 0; i < criteria.size(); ++i) {
+    const double share = std::exp(-0.5 * (criteria[i] - least));
+    all.parts[i].variance_mm2 *= share;
+    sum += share;
+  }
+  for (FormComponent::Part& part : all.parts) part.variance_mm2 /= sum;
+  return all;
 }
 
 }  // namespace
 
-RimForm form_of(const base::EdgeCurve& rim, const NominalProblem& problem, const NominalState& state) {
+RimForm form_of(const base::EdgeCurve& rim, const NominalProblem& problem, const NominalState& state, bool contradicts) {
   const auto linear = problem.linear(state);
   if (!linear) return {};
   RimForm form;
-  form.across = component_of(direction_of(rim, problem, state, *linear, 0), rim.length_mm);
-  form.along_normal = component_of(direction_of(rim, problem, state, *linear, 1), rim.length_mm);
+  form.across = component_of(direction_of(rim, problem, state, *linear, 0), rim.length_mm, contradicts);
+  form.along_normal = component_of(direction_of(rim, problem, state, *linear, 1), rim.length_mm, contradicts);
   return form;
 }
 
@@ -150,8 +151,8 @@ base::EdgeCurve with_form(const base::EdgeCurve& rim, const RimForm& form) {
   for (base::EdgePoint& point : result.points) {
     // Along the rim it does no harm: distances are across it.
     const Eigen::Matrix3d along_normal = point.normal * point.normal.transpose();
-    point.cov_mm2 += std::pow(form.across.sigma_mm, 2) * (Eigen::Matrix3d::Identity() - along_normal) +
-                     std::pow(form.along_normal.sigma_mm, 2) * along_normal;
+    point.cov_mm2 += form.across.cov_mm2(0.0) * (Eigen::Matrix3d::Identity() - along_normal) +
+                     form.along_normal.cov_mm2(0.0) * along_normal;
   }
   return result;
 }
@@ -173,12 +174,12 @@ std::optional<Eigen::MatrixXd> covariance_with_form(const base::EdgeCurve& rim_w
   Eigen::MatrixXd covariance = cofactor.topLeftCorner(free, free);
   for (int row = 0; row < 2; ++row) {
     const FormComponent& component = row == 0 ? form.across : form.along_normal;
-    if (!(component.sigma_mm > 0.0 && component.length_mm > 0.0)) continue;
+    if (component.parts.empty()) continue;
     for (Eigen::Index i = 0; i < n; ++i) {
       for (Eigen::Index k = 0; k < i; ++k) {
         const double way = way_mm(rim_with_form, linear->points[static_cast<std::size_t>(i)],
                                   linear->points[static_cast<std::size_t>(k)]);
-        const double together = std::pow(component.sigma_mm, 2) * correlation(way, component.length_mm);
+        const double together = component.cov_mm2(way);
         const Eigen::MatrixXd product = together * by_off.col(2 * i + row) * by_off.col(2 * k + row).transpose();
         covariance += product + product.transpose();
       }

@@ -15,10 +15,11 @@ namespace crosstie::edge::detail {
 /// tau^2 whose correlation falls as exp(-d / length). Variance and length maximise the restricted likelihood (Patterson and Thompson, Biometrika 58,
 /// 1971), which knows how much of a form the fit itself has taken up,
 ///     -2 log L = log|V| + log|A'V^-1 A| + r'V^-1 (r - A x),   V = D + S S' + tau^2 K,
-/// D each point's own covariance, S what they share, A the derivatives by the unknowns. A form whose likelihood ratio chance reaches once in
-/// a hundred rims without one (chi-square with two degrees of freedom) is none.
-/// `rim` is the one that the problem was made of.
-[[nodiscard]] RimForm form_of(const base::EdgeCurve& rim, const NominalProblem& problem, const NominalState& state);
+/// D each point's own covariance, S what they share, A the derivatives by the unknowns. Forms of all lengths are averaged by their restricted
+/// likelihoods. Without `contradicts` (v'Pv beyond its limit), a form whose likelihood ratio chance reaches once in a hundred rims without one (chi-square with
+/// two degrees of freedom) is none. `rim` is the one that the problem was made of.
+[[nodiscard]] RimForm form_of(const base::EdgeCurve& rim, const NominalProblem& problem, const NominalState& state,
+                              bool contradicts);
 
 /// The rim with the form's variances added to the covariance of each point alone.
 [[nodiscard]] base::EdgeCurve with_form(const base::EdgeCurve& rim, const RimForm& form);

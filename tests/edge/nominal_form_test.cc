@@ -48,7 +48,8 @@ EdgeCurve half_bore(const FormCase& form, std::mt19937_64& random) {
   cov.diagonal().array() += 1e-9;
   Eigen::VectorXd z(kPoints);
   for (double& value : z) value = normal(random);
-  const Eigen::VectorXd off = form.sigma_mm * (cov.llt().matrixL() * z);
+  const Eigen::MatrixXd root = cov.llt().matrixL();
+  const Eigen::VectorXd off = form.sigma_mm * root * z;
   for (int i = 0; i < kPoints; ++i) {
     base::EdgePoint& point = edge.points[static_cast<std::size_t>(i)];
     const Eigen::Vector3d across = point.normal.cross(point.tangent);
@@ -96,8 +97,8 @@ Sampled sampled(const FormCase& form, int seeds) {
     result.normalised += std::pow(error / fit->size_sigma_mm(0), 2) / seeds;
     result.rms_mm += error * error / seeds;
     result.plain_rms_mm += plain * plain / seeds;
-    result.found_share += (fit->form.across.sigma_mm > 0.0 ? 1.0 : 0.0) / seeds;
-    result.form_mm += fit->form.across.sigma_mm / seeds;
+    result.found_share += (!fit->form.across.parts.empty() ? 1.0 : 0.0) / seeds;
+    result.form_mm += fit->form.across.sigma_mm() / seeds;
     result.mean_mm += error / seeds;
   }
   result.rms_mm = std::sqrt(result.rms_mm);
