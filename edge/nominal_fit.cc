@@ -258,9 +258,10 @@ void describe(NominalFit& fit) {
     };
     fit.warnings.push_back(
         {"form", std::string(name_of(fit.nominal.kind)),
-         fmt::format("the rim deviates from its nominal by {:.3f} mm rms, {:.1f} times what its sigmas explain: the hole has a form "
-                     "of its own (across the rim {}, along the normal {}), and weights and sigmas of its place and sizes allow for it",
-                     fit.rms_mm, fit.sigma0, said(fit.form.across), said(fit.form.along_normal))});
+         fmt::format(
+             "the rim deviates from its nominal by {:.3f} mm rms, {:.1f} times what its sigmas explain: the hole has a form "
+             "of its own (across the rim {}, along the normal {}), and weights and sigmas of its place and sizes allow for it",
+             fit.rms_mm, fit.sigma0, said(fit.form.across), said(fit.form.along_normal))});
   }
 }
 

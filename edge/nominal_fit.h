@@ -58,7 +58,7 @@ struct FormComponent {
 
   /// Covariance of two points by their way along the rim.
   [[nodiscard]] double cov_mm2(double way_mm) const;
-  [[nodiscard]] double sigma_mm() const;  ///< 0: none that noise does not explain
+  [[nodiscard]] double sigma_mm() const;   ///< 0: none that noise does not explain
   [[nodiscard]] double length_mm() const;  ///< mean of the parts, by variance
 };
 
@@ -80,11 +80,12 @@ struct NominalFit {
   bool turn_is_held = false;
   EdgeDeviations deviations;  ///< after the fit, of all points
   std::vector<ForeignStretch> left_out = {};
-  RimForm form;  ///< of the points that were fitted
+  RimForm form;         ///< of the points that were fitted
   double rms_mm = 0.0;  ///< of the distances of the points that were fitted
   double rms_u_mm = 0.0;
   double rms_v_mm = 0.0;
-  double sigma0 = 0.0;  ///< sqrt(v'Pv / redundancy), without unit, before the form counts: above 1 the hole's form deviates by more than noise
+  double sigma0 =
+      0.0;  ///< sqrt(v'Pv / redundancy), without unit, before the form counts: above 1 the hole's form deviates by more than noise
   long redundancy = 0;  ///< 2 for each point less unknowns
   int iterations = 0;
   std::vector<base::Warning> warnings;

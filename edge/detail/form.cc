@@ -13,14 +13,15 @@
 namespace crosstie::edge::detail {
 namespace {
 
-constexpr double kChance = 0.01;         // of one rim without a form, as for rejections elsewhere
-constexpr std::size_t kMostPoints = 400;  // of which the process is estimated: every so many of a denser rim follow the same one
+constexpr double kChance = 0.01;  // of one rim without a form, as for rejections elsewhere
+constexpr std::size_t kMostPoints =
+    400;  // of which the process is estimated: every so many of a denser rim follow the same one
 constexpr std::size_t kLeastPoints = 8;
 constexpr double kLeastSigma = 0.02;  // of the rms deviation: less is nothing
 constexpr double kMostSigma = 20.0;
 constexpr double kGolden = 0.6180339887498949;
 constexpr int kGoldenSteps = 14;
-constexpr double kLongest = 0.5;  // of the rim: a longer correlation is a shift of the whole
+constexpr double kLongest = 0.5;  // of the rim: over a longer way a form is hardly told from another size
 
 /// Way along the rim between points, the short one round a closed rim.
 double way_mm(const base::EdgeCurve& rim, std::size_t i, std::size_t k) {
@@ -30,8 +31,8 @@ double way_mm(const base::EdgeCurve& rim, std::size_t i, std::size_t k) {
 
 /// The deviations in one direction.
 struct Direction {
-  Eigen::VectorXd off_mm;  ///< with what the points share in it
-  Eigen::MatrixXd basis;   ///< orthonormal, of the derivatives by the unknowns
+  Eigen::VectorXd off_mm;   ///< with what the points share in it
+  Eigen::MatrixXd basis;    ///< orthonormal, of the derivatives by the unknowns
   Eigen::MatrixXd cov_mm2;  ///< own and shared
   Eigen::MatrixXd ways_mm;
 };
@@ -151,8 +152,8 @@ base::EdgeCurve with_form(const base::EdgeCurve& rim, const RimForm& form) {
   for (base::EdgePoint& point : result.points) {
     // Along the rim it does no harm: distances are across it.
     const Eigen::Matrix3d along_normal = point.normal * point.normal.transpose();
-    point.cov_mm2 += form.across.cov_mm2(0.0) * (Eigen::Matrix3d::Identity() - along_normal) +
-                     form.along_normal.cov_mm2(0.0) * along_normal;
+    point.cov_mm2 +=
+        form.across.cov_mm2(0.0) * (Eigen::Matrix3d::Identity() - along_normal) + form.along_normal.cov_mm2(0.0) * along_normal;
   }
   return result;
 }
@@ -168,8 +169,7 @@ std::optional<Eigen::MatrixXd> covariance_with_form(const base::EdgeCurve& rim_w
   Eigen::MatrixXd by_off(free, 2 * n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const Eigen::Matrix2d weight = linear->cov_mm2[static_cast<std::size_t>(i)].inverse();
-    by_off.middleCols<2>(2 * i) =
-        cofactor.topRows(free) * linear->jacobian.middleRows<2>(2 * i).transpose() * weight;
+    by_off.middleCols<2>(2 * i) = cofactor.topRows(free) * linear->jacobian.middleRows<2>(2 * i).transpose() * weight;
   }
   Eigen::MatrixXd covariance = cofactor.topLeftCorner(free, free);
   for (int row = 0; row < 2; ++row) {
@@ -177,8 +177,8 @@ std::optional<Eigen::MatrixXd> covariance_with_form(const base::EdgeCurve& rim_w
     if (component.parts.empty()) continue;
     for (Eigen::Index i = 0; i < n; ++i) {
       for (Eigen::Index k = 0; k < i; ++k) {
-        const double way = way_mm(rim_with_form, linear->points[static_cast<std::size_t>(i)],
-                                  linear->points[static_cast<std::size_t>(k)]);
+        const double way =
+            way_mm(rim_with_form, linear->points[static_cast<std::size_t>(i)], linear->points[static_cast<std::size_t>(k)]);
         const double together = component.cov_mm2(way);
         const Eigen::MatrixXd product = together * by_off.col(2 * i + row) * by_off.col(2 * k + row).transpose();
         covariance += product + product.transpose();

@@ -27,8 +27,8 @@ namespace crosstie::edge::detail {
 /// Covariance of the free unknowns of a fit to with_form(rim): the weights know how large the form is, and take each point's as its own; here
 /// neighbours deviate together. With G the unknowns by the deviations, it is N^-1 + G tau^2 (K - 1) G'.
 /// `cofactor` is N^-1 over the free unknowns and the shared causes.
-[[nodiscard]] std::optional<Eigen::MatrixXd> covariance_with_form(const base::EdgeCurve& rim_with_form, const NominalProblem& problem,
-                                                                  const NominalState& state, const RimForm& form,
-                                                                  const Eigen::MatrixXd& cofactor);
+[[nodiscard]] std::optional<Eigen::MatrixXd> covariance_with_form(const base::EdgeCurve& rim_with_form,
+                                                                  const NominalProblem& problem, const NominalState& state,
+                                                                  const RimForm& form, const Eigen::MatrixXd& cofactor);
 
 }  // namespace crosstie::edge::detail

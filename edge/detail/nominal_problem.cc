@@ -66,7 +66,8 @@ Eigen::Matrix<double, 2, Eigen::Dynamic> NominalProblem::jacobian(std::size_t i,
     }
   }
   if (shared_count_ > 0)
-    jacobian.rightCols(shared_count_) = -place.across_in_frame * edge_.shared_mm.middleRows<3>(static_cast<Eigen::Index>(3 * i));
+    jacobian.rightCols(shared_count_) =
+        -place.across_in_frame * edge_.shared_mm.middleRows<3>(static_cast<Eigen::Index>(3 * i));
   return jacobian;
 }
 

@@ -61,7 +61,8 @@ class NominalProblem {
   struct Place;
   [[nodiscard]] Place place_of(std::size_t i, const Curve& curve, const NominalState& state) const;
   /// Of u and v.
-  [[nodiscard]] Eigen::Matrix<double, 2, Eigen::Dynamic> jacobian(std::size_t i, const Place& place, const NominalState& state) const;
+  [[nodiscard]] Eigen::Matrix<double, 2, Eigen::Dynamic> jacobian(std::size_t i, const Place& place,
+                                                                  const NominalState& state) const;
 
   const base::EdgeCurve& edge_;
   Nominal nominal_;
