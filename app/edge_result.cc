@@ -18,6 +18,10 @@ namespace {
 using base::Result;
 using nlohmann::ordered_json;
 
+ordered_json form_json(const edge::FormComponent& component) {
+  return {{"sigma_mm", component.sigma_mm()}, {"length_mm", component.length_mm()}};
+}
+
 ordered_json nominal_json(const edge::NominalFit& fit) {
   ordered_json sigmas = ordered_json::array();
   ordered_json sizes = ordered_json::object();
@@ -44,6 +48,7 @@ ordered_json nominal_json(const edge::NominalFit& fit) {
           {"rms_v_mm", fit.rms_v_mm},
           {"sigma0", fit.sigma0},
           {"redundancy", fit.redundancy},
+          {"form", {{"across", form_json(fit.form.across)}, {"along_normal", form_json(fit.form.along_normal)}}},
           {"left_out", left_out}};
 }
 

@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "edge/detail/foreign_stretch.h"
+#include "edge/detail/form.h"
 #include "edge/detail/nominal_problem.h"
 #include "edge/detail/nominal_start.h"
 #include "math/distributions.h"
@@ -131,9 +132,13 @@ bool deviates(double square_sum, long redundancy) {
   return redundancy > 0 && square_sum > math::chi_square_quantile(kFormProbability, static_cast<double>(redundancy));
 }
 
-/// The fit without the stretches that do not belong to the nominal; nothing where there are none.
-std::optional<Solved> solve_without_stretches(const EdgeCurve& edge, const Solved& solved, bool fit_size,
-                                              std::vector<ForeignStretch>& left_out) {
+/// A rim without the stretches that do not belong to the nominal, and the fit to it; nothing where there are none.
+struct WithoutStretches {
+  EdgeCurve rim;
+  Solved solved;
+  std::vector<ForeignStretch> stretches;
+};
+std::optional<WithoutStretches> solve_without_stretches(const EdgeCurve& edge, const Solved& solved, bool fit_size) {
   const NominalStart start{solved.nominal, solved.state.frame_from_hole, 0.0};
   const auto fit_part = [&](const EdgeCurve& part) -> std::optional<detail::PartFit> {
     auto fitted = solve_from(part, start, fit_size, solved.turn_is_held);
@@ -142,13 +147,33 @@ std::optional<Solved> solve_without_stretches(const EdgeCurve& edge, const Solve
   };
   auto split = detail::without_foreign_stretches(edge, solved.nominal, fit_part);
   if (!split) return std::nullopt;
-  auto rest = solve_from(detail::part_of(edge, split->keep), start, fit_size, solved.turn_is_held);
+  EdgeCurve rim = detail::part_of(edge, split->keep);
+  auto rest = solve_from(rim, start, fit_size, solved.turn_is_held);
   if (!rest) return std::nullopt;
-  left_out = std::move(split->stretches);
-  return *std::move(rest);
+  return WithoutStretches{std::move(rim), *std::move(rest), std::move(split->stretches)};
 }
 
-/// Inverse of the normal matrix over the free unknowns, [pose, sizes], the shared causes eliminated.
+/// Lets the rim's form count: its variance joins those of the points, and both are found in turn. `rim` and `solved` become those with it.
+RimForm let_form_count(EdgeCurve& rim, Solved& solved, bool fit_size) {
+  const bool contradicts = deviates(solved.normals.square_sum, redundancy_of(solved));
+  constexpr int kRounds = 3;
+  const EdgeCurve plain = rim;
+  RimForm form;
+  for (int round = 0; round < kRounds; ++round) {
+    const NominalProblem problem(plain, solved.nominal, fit_size, solved.turn_is_held);
+    const RimForm found = detail::form_of(plain, problem, solved.state, contradicts);
+    if (found.none()) break;
+    EdgeCurve weighted = detail::with_form(plain, found);
+    auto again = solve_from(weighted, {solved.nominal, solved.state.frame_from_hole, 0.0}, fit_size, solved.turn_is_held);
+    if (!again) break;
+    form = found;
+    rim = std::move(weighted);
+    solved = *std::move(again);
+  }
+  return form;
+}
+
+/// Inverse of the normal matrix over the free unknowns, [pose, sizes], and the shared causes.
 Result<Eigen::MatrixXd> cofactors(const EdgeCurve& edge, const Solved& solved, bool fit_size) {
   const Eigen::VectorXd scale = solved.normals.matrix.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * solved.normals.matrix * scale.asDiagonal();
@@ -163,11 +188,10 @@ Result<Eigen::MatrixXd> cofactors(const EdgeCurve& edge, const Solved& solved, b
         fmt::format("the measured rim leaves {} of the nominal {} free",
                     problem.name_of_unknown(solved.free[static_cast<std::size_t>(weakest)]), name_of(solved.nominal.kind)));
   }
-  const Eigen::MatrixXd inverse =
-      scale.asDiagonal() *
-      (eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose()) *
-      scale.asDiagonal();
-  return inverse.topLeftCorner(count, count).eval();
+  return (scale.asDiagonal() *
+          (eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose()) *
+          scale.asDiagonal())
+      .eval();
 }
 
 /// From the hole's own axes into base::Pose's convention.
@@ -227,12 +251,17 @@ void describe(NominalFit& fit) {
     fit.warnings.push_back({"turn_held", std::string(name_of(fit.nominal.kind)),
                             "nothing determines how the hole is turned about its normal; it is left as it was found"});
   }
-  if (deviates(fit.sigma0 * fit.sigma0 * static_cast<double>(fit.redundancy), fit.redundancy)) {
+  if (!fit.form.none() || deviates(fit.sigma0 * fit.sigma0 * static_cast<double>(fit.redundancy), fit.redundancy)) {
+    const auto said = [](const FormComponent& component) {
+      if (component.parts.empty()) return std::string("none");
+      return fmt::format("{:.3f} mm over {:.0f} mm of rim", component.sigma_mm(), component.length_mm());
+    };
     fit.warnings.push_back(
         {"form", std::string(name_of(fit.nominal.kind)),
-         fmt::format("the rim deviates from its nominal by {:.3f} mm rms, {:.1f} times what its sigmas explain: "
-                     "the hole has a form of its own, and the sigmas of its place speak of the measurement alone",
-                     fit.rms_mm, fit.sigma0)});
+         fmt::format(
+             "the rim deviates from its nominal by {:.3f} mm rms, {:.1f} times what its sigmas explain: the hole has a form "
+             "of its own (across the rim {}, along the normal {}), and weights and sigmas of its place and sizes allow for it",
+             fit.rms_mm, fit.sigma0, said(fit.form.across), said(fit.form.along_normal))});
   }
 }
 
@@ -241,6 +270,21 @@ void describe(NominalFit& fit) {
 double EdgeDeviations::sigma_mm(std::size_t i, int row) const {
   const auto at = static_cast<Eigen::Index>(2 * i) + row;
   return std::sqrt(cov_mm2[i](row, row) + (shared_mm.cols() > 0 ? shared_mm.row(at).squaredNorm() : 0.0));
+}
+
+double FormComponent::cov_mm2(double way_mm) const {
+  double sum = 0.0;
+  for (const Part& part : parts)
+    sum += part.variance_mm2 * (part.length_mm > 0.0 ? std::exp(-way_mm / part.length_mm) : way_mm > 0.0 ? 0.0 : 1.0);
+  return sum;
+}
+
+double FormComponent::sigma_mm() const { return std::sqrt(cov_mm2(0.0)); }
+
+double FormComponent::length_mm() const {
+  double sum = 0.0;
+  for (const Part& part : parts) sum += part.variance_mm2 * part.length_mm;
+  return parts.empty() ? 0.0 : sum / cov_mm2(0.0);
 }
 
 double NominalFit::size_sigma_mm(std::size_t i) const {
@@ -319,21 +363,28 @@ Result<NominalFit> fit_nominal(const EdgeCurve& edge, const Nominal& nominal, co
     }
   }
   NominalFit fit;
+  EdgeCurve rim = edge;
   if (options.leave_out_stretches && deviates(solved->normals.square_sum, redundancy)) {
-    if (auto rest = solve_without_stretches(edge, *solved, fit_size, fit.left_out)) {
-      solved = *std::move(rest);
+    if (auto rest = solve_without_stretches(edge, *solved, fit_size)) {
+      rim = std::move(rest->rim);
+      solved = std::move(rest->solved);
+      fit.left_out = std::move(rest->stretches);
       redundancy = redundancy_of(*solved);
     }
   }
+  fit.sigma0 = redundancy > 0 ? std::sqrt(solved->normals.square_sum / static_cast<double>(redundancy)) : 0.0;
+  fit.form = let_form_count(rim, *solved, fit_size);
   const auto cofactor = cofactors(edge, *solved, fit_size);
   if (!cofactor) return tl::unexpected(cofactor.error());
+  const NominalProblem problem(rim, solved->nominal, fit_size, solved->turn_is_held);
+  const auto covariance = detail::covariance_with_form(rim, problem, solved->state, fit.form, *cofactor);
+  if (!covariance) return fail(ErrorCode::kNoUniqueSolution, "the sizes that fit the rim make no curve");
   fit.nominal = solved->nominal;
   fit.frame_from_hole = solved->state.frame_from_hole;
-  fit.covariance = covariance_of(*solved, *cofactor);
+  fit.covariance = covariance_of(*solved, *covariance);
   fit.turn_is_held = solved->turn_is_held;
   fit.iterations = solved->iterations;
   fit.redundancy = redundancy;
-  fit.sigma0 = redundancy > 0 ? std::sqrt(solved->normals.square_sum / static_cast<double>(redundancy)) : 0.0;
   face_head(edge, fit);
   const auto curve = NominalCurve::make(fit.nominal);
   if (!curve) return tl::unexpected(curve.error());

@@ -47,19 +47,45 @@ struct ForeignStretch {
   double most_u_mm = 0.0;                ///< the largest of their distances, with its sign: see EdgeDeviations
 };
 
+/// Form of a rim in one direction: a stationary process along it. A short rim hardly tells over which length a form is correlated, so that it is a mean over
+/// lengths, each as its likelihood says.
+struct FormComponent {
+  struct Part {
+    double variance_mm2 = 0.0;
+    double length_mm = 0.0;  ///< over which its correlation falls to 1/e; 0: neighbours deviate independently
+  };
+  std::vector<Part> parts = {};
+
+  /// Covariance of two points by their way along the rim.
+  [[nodiscard]] double cov_mm2(double way_mm) const;
+  [[nodiscard]] double sigma_mm() const;   ///< 0: none that noise does not explain
+  [[nodiscard]] double length_mm() const;  ///< mean of the parts, by variance
+};
+
+/// By how much a rim deviates from its nominal beyond its sigmas.
+struct RimForm {
+  FormComponent across;        ///< u
+  FormComponent along_normal;  ///< v
+
+  [[nodiscard]] bool none() const { return across.parts.empty() && along_normal.parts.empty(); }
+};
+
 struct NominalFit {
   Nominal nominal;             ///< with the fitted sizes; a list without normals runs counter-clockwise as seen from the head
   base::Pose frame_from_hole;  ///< in the rim's frame
-  /// Of [rotation rad, translation mm, sizes mm], the pose perturbed on the left as base::Pose has it. As the sigmas say: what each
-  /// point has alone and what they share. A turn about the normal that nothing determines is held and adds nothing.
+  /// Of [rotation rad, translation mm, sizes mm], the pose perturbed on the left as base::Pose has it: what each point has alone, what
+  /// they share, and the rim's form, which on another part of the rim would be another. A turn about the normal that nothing determines is
+  /// held and adds nothing.
   Eigen::MatrixXd covariance;
   bool turn_is_held = false;
   EdgeDeviations deviations;  ///< after the fit, of all points
   std::vector<ForeignStretch> left_out = {};
+  RimForm form;         ///< of the points that were fitted
   double rms_mm = 0.0;  ///< of the distances of the points that were fitted
   double rms_u_mm = 0.0;
   double rms_v_mm = 0.0;
-  double sigma0 = 0.0;  ///< sqrt(v'Pv / redundancy), without unit: above 1 the hole's form deviates by more than noise
+  double sigma0 =
+      0.0;  ///< sqrt(v'Pv / redundancy), without unit, before the form counts: above 1 the hole's form deviates by more than noise
   long redundancy = 0;  ///< 2 for each point less unknowns
   int iterations = 0;
   std::vector<base::Warning> warnings;
@@ -73,13 +99,14 @@ struct NominalFit {
 /// is eliminated with its prior). Levenberg-Marquardt from starts of its own: the plane of the points, extents or a circle for the
 /// sizes, and turns about the normal in steps of ten degrees; the best three are followed.
 /// Where the rim then deviates by more than noise, stretches that do not belong to the nominal are looked for (least trimmed squares,
-/// detail/foreign_stretch.h) and left out.
+/// detail/foreign_stretch.h) and left out. What the rest deviates beyond its sigmas is the hole's form (detail/form.h): its variance is added to C_i, so that
+/// points of small sigmas do not decide a hole whose form is larger, and its correlation along the rim counts in the covariance.
 ///
 /// Errors: kBadInput as NominalCurve::make; for a nominal that fits only as its mirror image (where that differs from itself, and,
 /// of a list, with normals; else a flat list turned round looks the same), or that is too large or too small by the ratio of two
 /// units; for points without a covariance or normals.
 /// kNoUniqueSolution for too few points and for an arc that does not determine the unknowns, naming the weakest.
-/// Warnings: turn_held; stretch_left_out, one for each; form: sigma0 beyond its 99.9 % limit, so the covariance speaks of the measurement and not of the form.
+/// Warnings: turn_held; stretch_left_out, one for each; form: sigma0 beyond its 99.9 % limit, or a form that chance does not explain.
 base::Result<NominalFit> fit_nominal(const base::EdgeCurve& edge, const Nominal& nominal,
                                      const NominalFitOptions& options = {});
 

@@ -11,28 +11,65 @@ namespace {
 constexpr int kMaxIterations = 200;
 constexpr double kSizeStep_mm = 1e-3;  // of the difference quotients of the outline
 
+}  // namespace
+
 /// A point of the rim beside its nearest place.
-struct Beside {
+struct NominalProblem::Place {
   Eigen::Vector3d q = Eigen::Vector3d::Zero();  ///< the point, less what it shares, in the hole's frame
   Eigen::Matrix<double, 3, 2> across = Eigen::Matrix<double, 3, 2>::Zero();  ///< u and v there
+  Eigen::Matrix<double, 2, 3> across_in_frame = Eigen::Matrix<double, 2, 3>::Zero();
   Foot foot;
   bool beyond = false;  ///< past the end of an open curve
+
+  [[nodiscard]] Eigen::Vector2d off_mm() const { return across.transpose() * (q - foot.jet.point); }
 };
 
-Beside beside(const Curve& curve, const Eigen::Vector3d& q) {
-  Beside b;
-  b.q = q;
-  b.foot = curve.nearest(q);
-  const Eigen::Vector3d tangent = b.foot.jet.derivative.normalized();
-  const Eigen::Vector3d normal = (b.foot.jet.normal - b.foot.jet.normal.dot(tangent) * tangent).normalized();
-  b.across.col(0) = normal.cross(tangent);
-  b.across.col(1) = normal;
+NominalProblem::Place NominalProblem::place_of(std::size_t i, const Curve& curve, const NominalState& state) const {
+  const base::Pose back = state.frame_from_hole.inverse();
+  Eigen::Vector3d p = edge_.points[i].point_mm;
+  if (shared_count_ > 0) p -= edge_.shared_mm.middleRows<3>(static_cast<Eigen::Index>(3 * i)) * state.shared;
+  Place place;
+  place.q = back * p;
+  place.foot = curve.nearest(place.q);
+  const Jet& jet = place.foot.jet;
+  const Eigen::Vector3d tangent = jet.derivative.normalized();
+  const Eigen::Vector3d normal = (jet.normal - jet.normal.dot(tangent) * tangent).normalized();
+  place.across.col(0) = normal.cross(tangent);
+  place.across.col(1) = normal;
+  place.across_in_frame = place.across.transpose() * back.rotation.toRotationMatrix();
   constexpr double kAlong = 1e-3;  // as share of the distance: past an end
-  b.beyond = !curve.closed() && std::abs((q - b.foot.jet.point).dot(tangent)) > kAlong * b.foot.distance_mm + 1e-6;
-  return b;
+  place.beyond = !curve.closed() && std::abs((place.q - jet.point).dot(tangent)) > kAlong * place.foot.distance_mm + 1e-6;
+  return place;
 }
 
-}  // namespace
+Eigen::Matrix<double, 2, Eigen::Dynamic> NominalProblem::jacobian(std::size_t i, const Place& place,
+                                                                  const NominalState& state) const {
+  const auto fixed = static_cast<Eigen::Index>(free_.size());
+  Eigen::Matrix<double, 2, Eigen::Dynamic> jacobian(2, fixed + shared_count_);
+  const Eigen::Matrix<double, 2, 3> by_turn = place.across.transpose() * base::skew(place.q);
+  for (Eigen::Index k = 0; k < fixed; ++k) {
+    const int unknown = free_[static_cast<std::size_t>(k)];
+    if (unknown < 3) {
+      jacobian.col(k) = by_turn.col(unknown);
+    } else if (unknown < 6) {
+      jacobian.col(k) = -place.across.row(unknown - 3).transpose();
+    } else {
+      const auto s = static_cast<std::size_t>(unknown - 6);
+      std::vector<double> more = state.size_mm;
+      std::vector<double> less = state.size_mm;
+      more[s] += kSizeStep_mm;
+      less[s] -= kSizeStep_mm;
+      const double t = place.foot.t;
+      const Eigen::Vector3d change =
+          (outline_jet(nominal_, more, t).point - outline_jet(nominal_, less, t).point) / (2.0 * kSizeStep_mm);
+      jacobian.col(k) = -place.across.transpose() * change;
+    }
+  }
+  if (shared_count_ > 0)
+    jacobian.rightCols(shared_count_) =
+        -place.across_in_frame * edge_.shared_mm.middleRows<3>(static_cast<Eigen::Index>(3 * i));
+  return jacobian;
+}
 
 NominalProblem::NominalProblem(const base::EdgeCurve& edge, const Nominal& nominal, bool fit_size, bool hold_turn)
     : edge_(edge), nominal_(nominal), shared_count_(edge.shared_mm.cols()) {
@@ -78,48 +115,47 @@ std::optional<NominalProblem::Normals> NominalProblem::normals(const NominalStat
     result.matrix.diagonal().tail(shared_count_).setOnes();
     result.right.tail(shared_count_) = -state.shared;
   }
-  const base::Pose back = state.frame_from_hole.inverse();
-  const Eigen::Matrix3d turn = back.rotation.toRotationMatrix();
   for (std::size_t i = 0; i < edge_.points.size(); ++i) {
-    const auto row = static_cast<Eigen::Index>(3 * i);
-    Eigen::Vector3d p = edge_.points[i].point_mm;
-    if (shared_count_ > 0) p -= edge_.shared_mm.middleRows<3>(row) * state.shared;
-    const Beside b = beside(*curve, back * p);
-    if (b.beyond) continue;
-    const Eigen::Matrix<double, 2, 3> e_turn = b.across.transpose() * turn;
+    const Place place = place_of(i, *curve, state);
+    if (place.beyond) continue;
     auto& root = result.roots[i];
-    if (!root) root.emplace(e_turn * edge_.points[i].cov_mm2 * e_turn.transpose());
+    if (!root) root.emplace(place.across_in_frame * edge_.points[i].cov_mm2 * place.across_in_frame.transpose());
     if (root->info() != Eigen::Success) return std::nullopt;
-    const Eigen::Vector2d residual = root->matrixL().solve(Eigen::Vector2d(b.across.transpose() * (b.q - b.foot.jet.point)));
+    const Eigen::Vector2d residual = root->matrixL().solve(place.off_mm());
     result.square_sum += residual.squaredNorm();
     result.rows += 2;
     if (!with_matrix) continue;
-    Eigen::Matrix<double, 2, Eigen::Dynamic> jacobian(2, all);
-    const Eigen::Matrix<double, 2, 3> by_turn = b.across.transpose() * base::skew(b.q);
-    for (Eigen::Index k = 0; k < fixed; ++k) {
-      const int unknown = free_[static_cast<std::size_t>(k)];
-      if (unknown < 3) {
-        jacobian.col(k) = by_turn.col(unknown);
-      } else if (unknown < 6) {
-        jacobian.col(k) = -b.across.row(unknown - 3).transpose();
-      } else {
-        const auto s = static_cast<std::size_t>(unknown - 6);
-        std::vector<double> more = state.size_mm;
-        std::vector<double> less = state.size_mm;
-        more[s] += kSizeStep_mm;
-        less[s] -= kSizeStep_mm;
-        const Eigen::Vector3d change =
-            (outline_jet(nominal, more, b.foot.t).point - outline_jet(nominal, less, b.foot.t).point) / (2.0 * kSizeStep_mm);
-        jacobian.col(k) = -b.across.transpose() * change;
-      }
-    }
-    if (shared_count_ > 0) jacobian.rightCols(shared_count_) = -e_turn * edge_.shared_mm.middleRows<3>(row);
+    auto jacobian = this->jacobian(i, place, state);
     root->matrixL().solveInPlace(jacobian);
     result.matrix.selfadjointView<Eigen::Lower>().rankUpdate(jacobian.transpose());
     result.right -= jacobian.transpose() * residual;
   }
   if (with_matrix) result.matrix.triangularView<Eigen::StrictlyUpper>() = result.matrix.transpose();
   return result;
+}
+
+std::optional<NominalProblem::Linear> NominalProblem::linear(const NominalState& state) const {
+  Nominal nominal = nominal_;
+  nominal.size_mm = state.size_mm;
+  const auto curve = Curve::make(nominal, false);
+  if (!curve) return std::nullopt;
+  const auto all = static_cast<Eigen::Index>(2 * edge_.points.size());
+  Linear linear;
+  linear.off_mm.resize(all);
+  linear.jacobian.resize(all, static_cast<Eigen::Index>(free_.size()) + shared_count_);
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < edge_.points.size(); ++i) {
+    const Place place = place_of(i, *curve, state);
+    if (place.beyond) continue;
+    linear.points.push_back(i);
+    linear.off_mm.segment<2>(row) = place.off_mm();
+    linear.jacobian.middleRows<2>(row) = jacobian(i, place, state);
+    linear.cov_mm2.emplace_back(place.across_in_frame * edge_.points[i].cov_mm2 * place.across_in_frame.transpose());
+    row += 2;
+  }
+  linear.off_mm.conservativeResize(row);
+  linear.jacobian.conservativeResize(row, Eigen::NoChange);
+  return linear;
 }
 
 NominalState NominalProblem::changed(const NominalState& state, const Eigen::VectorXd& step) const {

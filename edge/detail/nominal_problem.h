@@ -38,6 +38,15 @@ class NominalProblem {
   /// Nothing where the sizes make no curve. `with_matrix` false: the sum of squares alone. Which way u and v lie, and so how a point weighs, follows the
   /// curve; `held` are the roots of another state, with which the two sums of squares compare.
   [[nodiscard]] std::optional<Normals> normals(const NominalState& state, bool with_matrix, Roots held = {}) const;
+
+  /// Distances of the points from the nominal and their derivatives by the free unknowns and the shared causes, in mm and not weighted.
+  struct Linear {
+    std::vector<std::size_t> points;  ///< of the rim: those that are not beyond an open nominal's end
+    Eigen::VectorXd off_mm;           ///< u, v of each
+    Eigen::MatrixXd jacobian;         ///< of off_mm
+    std::vector<Eigen::Matrix2d> cov_mm2;
+  };
+  [[nodiscard]] std::optional<Linear> linear(const NominalState& state) const;
   [[nodiscard]] NominalState changed(const NominalState& state, const Eigen::VectorXd& step) const;
 
   /// Levenberg-Marquardt with weights that each step holds and that follow the curve after it, since its derivatives do not know how they change;
@@ -49,6 +58,12 @@ class NominalProblem {
   [[nodiscard]] std::string name_of_unknown(int unknown) const;
 
  private:
+  struct Place;
+  [[nodiscard]] Place place_of(std::size_t i, const Curve& curve, const NominalState& state) const;
+  /// Of u and v.
+  [[nodiscard]] Eigen::Matrix<double, 2, Eigen::Dynamic> jacobian(std::size_t i, const Place& place,
+                                                                  const NominalState& state) const;
+
   const base::EdgeCurve& edge_;
   Nominal nominal_;
   std::vector<int> free_;
