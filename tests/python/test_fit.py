@@ -33,7 +33,9 @@ class Fit(unittest.TestCase):
         points[::2, 1:4] = sphere(100, 0.01)
         points[10, 1:4] += 30.0
         ball = crosstie.fit(points[::2, 1:4], "sphere", sigma_mm=0.01, robust=True)
-        self.assertEqual(list(ball["rejected"]), [5])
+        self.assertIn(5, ball["rejected"])
+        self.assertLessEqual(len(ball["rejected"]), 3)  # of good ones 0.1 %
+        self.assertGreater(ball["residuals_mm"][5], 1.0)
         self.assertEqual(ball["residuals_mm"].shape, (100,))
 
     def test_refuses(self):

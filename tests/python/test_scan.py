@@ -12,7 +12,7 @@ class Scan(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder, cls.job = twin.job("door")
-        patterns = json.loads((cls.job / "scan" / "patterns.json").read_text())["patterns"]
+        patterns = json.loads((cls.job / "scan" / "patterns.json").read_text())["images"]
         station = cls.job / "scan" / "x0000"
         cls.stacks = [
             np.stack([crosstie.read_image(path) for path in sorted((station / side).glob("*.png"))]) for side in ("left", "right")

@@ -60,8 +60,8 @@ class Stitch(unittest.TestCase):
         self.assertLess(np.sqrt((off**2).mean()), 0.1)
 
     def test_a_station_that_nothing_ties_is_named(self):
-        points = np.column_stack([RANDOM.uniform(-200, 200, (2000, 2)), np.full(2000, 1300.0)])
-        stations = [{"name": name, "cloud": {"points": points}} for name in ("first", "second")]
+        plane = lambda: np.column_stack([RANDOM.uniform(-200, 200, (2000, 2)), RANDOM.normal(1300.0, 0.05, 2000)])
+        stations = [{"name": name, "cloud": {"points": plane()}} for name in ("first", "second")]
         with self.assertRaises(crosstie.Error) as raised:
             crosstie.stitch(stations, sigma_mm=0.05)
         self.assertIs(raised.exception.code, crosstie.ErrorCode.NO_UNIQUE_SOLUTION)
