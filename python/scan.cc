@@ -34,7 +34,7 @@ using base::Result;
 class Stack {
  public:
   Stack(const py::sequence& images, double white_level) {
-    for (const py::handle image : images) images_.emplace_back(image, white_level);
+    for (const py::object image : images) images_.emplace_back(image, white_level);
   }
   [[nodiscard]] std::size_t size() const { return images_.size(); }
   [[nodiscard]] const base::ImageView& at(std::size_t pattern) const { return images_[pattern].view(); }

@@ -121,7 +121,7 @@ py::dict stitch(const py::sequence& given, const std::optional<fs::path>& commis
                 const std::optional<fs::path>& calibration, const py::object& reference, bool reference_in_part, double cell_mm,
                 std::optional<double> sigma_mm, std::optional<double> reach_mm) {
   std::vector<Given> stations;
-  for (const py::handle station : given) stations.push_back(station_from(py::cast<py::dict>(station)));
+  for (const py::object station : given) stations.push_back(station_from(py::dict(station)));
   registration::StitchInput input;
   if (!reference.is_none()) input.reference = reference_from(reference, reference_in_part);
   registration::StitchOptions options;
