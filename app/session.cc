@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cstdio>
 #include <utility>
 
 #include <fmt/core.h>
@@ -11,9 +12,13 @@ namespace crosstie::app {
 Session::Session(bool quiet, int threads, std::stop_token stop)
     : quiet_(quiet), threads_(threads), terminal_(isatty(STDERR_FILENO) == 1), stop_(std::move(stop)) {}
 
+Session::Session(int threads, std::stop_token stop, Listener listener)
+    : quiet_(false), threads_(threads), terminal_(false), stop_(std::move(stop)), listener_(std::move(listener)) {}
+
 base::Progress Session::progress() {
   base::Progress progress;
   progress.stop = stop_;
+  progress.report = listener_.progress;
   if (terminal_ && !quiet_) {
     progress.report = [this](std::string_view stage, std::size_t done, std::size_t total) { draw_bar(stage, done, total); };
   }
@@ -22,6 +27,7 @@ base::Progress Session::progress() {
 
 void Session::print(std::string_view line) {
   const std::lock_guard lock(mutex_);
+  if (listener_.line) return listener_.line(line);
   clear_bar();
   fmt::print(stdout, "{}\n", line);
   std::fflush(stdout);
@@ -30,6 +36,7 @@ void Session::print(std::string_view line) {
 void Session::say(std::string_view line) {
   if (quiet_) return;
   const std::lock_guard lock(mutex_);
+  if (listener_.line) return listener_.line(line);
   clear_bar();
   fmt::print(stderr, "{}\n", line);
 }

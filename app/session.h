@@ -1,6 +1,7 @@
 #pragma once
 
-#include <cstdio>
+#include <cstddef>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -9,12 +10,20 @@
 
 namespace crosstie::app {
 
+/// Hears what a verb tells, in place of the terminal.
+struct Listener {
+  std::function<void(std::string_view stage, std::size_t done, std::size_t total)> progress;
+  std::function<void(std::string_view line)> line;
+};
+
 /// What a verb talks through: results on stdout, everything else on stderr, progress bars on a terminal only.
 class Session {
  public:
   Session(bool quiet, int threads, std::stop_token stop);
+  /// All of it goes to the listener.
+  Session(int threads, std::stop_token stop, Listener listener);
 
-  /// Reports to the terminal and stops on Ctrl-C.
+  /// Reports to the terminal or the listener; stops on Ctrl-C, or as the token tells.
   [[nodiscard]] base::Progress progress();
   [[nodiscard]] int threads() const { return threads_; }
 
@@ -32,6 +41,7 @@ class Session {
   bool terminal_;
   bool bar_drawn_ = false;
   std::stop_token stop_;
+  Listener listener_;  ///< empty: the terminal
   std::mutex mutex_;
 };
 

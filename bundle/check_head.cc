@@ -9,9 +9,10 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "bundle/detail/circle_of_pair.h"
+#include "bundle/detail/eccentricity.h"
 #include "bundle/detail/linear_estimate.h"
 #include "bundle/detail/rig_check.h"
+#include "math/circle_of_pair.h"
 #include "math/distributions.h"
 
 namespace crosstie::bundle {
@@ -148,7 +149,7 @@ void Check::reduce_centres() {
       seen.push_back(&ray);
     }
     if (views.empty()) continue;
-    const auto circle = detail::circle_of_pair(views, known_.markers[m].xyz_mm);
+    const auto circle = math::circle_of_pair(views, known_.markers[m].xyz_mm);
     for (std::size_t i = 0; i < views.size() && circle; ++i) {
       const auto offset = detail::eccentricity_px(views[i], known_.markers[m].xyz_mm, *circle);
       if (!offset) continue;

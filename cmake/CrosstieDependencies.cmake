@@ -20,3 +20,6 @@ find_package(PkgConfig REQUIRED)
 pkg_check_modules(aravis REQUIRED IMPORTED_TARGET aravis-0.8)
 # Its -pthread asks for nothing that Threads::Threads does not give, and would part its users from the precompiled headers.
 set_property(TARGET PkgConfig::aravis PROPERTY INTERFACE_COMPILE_OPTIONS)
+pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)
+pkg_check_modules(sdl2 REQUIRED IMPORTED_TARGET sdl2)
+set_property(TARGET PkgConfig::sdl2 PROPERTY INTERFACE_COMPILE_OPTIONS)  # -D_REENTRANT, as above

@@ -34,9 +34,9 @@ set(CPACK_DEBIAN_CROSSTIE-DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_CROSSTIE-DEV_PACKAGE_SHLIBDEPS OFF)
 # What crosstieConfig.cmake looks for.
 string(JOIN ", " CPACK_DEBIAN_CROSSTIE-DEV_PACKAGE_DEPENDS
-  libapriltag-dev libaravis-dev libceres-dev libeigen3-dev libexiv2-dev libexpected-dev libfmt-dev libhwy-dev libjpeg-dev libmrcal-dev
+  libapriltag-dev libaravis-dev libceres-dev libcpp-httplib-dev libeigen3-dev libexiv2-dev libexpected-dev libfmt-dev libhwy-dev libjpeg-dev libmrcal-dev
   libnanoflann-dev libopencv-calib3d-dev libopencv-core-dev libopencv-features2d-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
-  libopengv-dev libpng-dev libssl-dev libsuitesparse-dev libtiff-dev libusb-1.0-0-dev nlohmann-json3-dev pkg-config)
+  libopengv-dev libpng-dev libsdl2-dev libssl-dev libsuitesparse-dev libtiff-dev libusb-1.0-0-dev nlohmann-json3-dev pkg-config)
 set(CPACK_DEBIAN_CROSSTIE-DEV_PACKAGE_RECOMMENDS "cmake (>= 3.25)")
 set(CPACK_DEBIAN_CROSSTIE-DEV_DESCRIPTION "photogrammetry for large welding machines (C++ libraries)
 Static C++20 libraries of crosstie with their headers, and the package that

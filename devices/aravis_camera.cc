@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <string_view>
@@ -30,6 +31,8 @@ constexpr int kBuffers = 8;
 constexpr guint64 kPopTimeout_us = 100'000;
 constexpr gint kSocketBufferBytes = 16 << 20;  // a whole frame at least; the system's limit net.core.rmem_max may be lower
 constexpr double kSettingTolerance = 0.05;
+constexpr double kTemperaturePeriod_s =
+    10.0;  // between two readings: a request takes a millisecond, and the buffers wait meanwhile
 
 struct ObjectDeleter {
   void operator()(void* object) const { g_object_unref(object); }
@@ -225,6 +228,7 @@ class AravisCamera : public CameraDevice {
       settings_ = settings;
       broken_ = 0;
     }
+    temperature_read_.reset();
     thread_ = std::jthread([this, sink = std::move(sink)](const std::stop_token& stop) { receive(stop, sink); });
     AravisError error;
     arv_camera_start_acquisition(camera_.get(), error);
@@ -308,8 +312,26 @@ class AravisCamera : public CameraDevice {
         count(frame.has_value());
         if (frame) sink(std::move(frame));
       }
+      if (!lost_) read_temperature();
       if (lost_) return end("the camera does not answer any more: cable, power or another program", sink);
     }
+  }
+
+  /// SFNC's DeviceTemperature, of the place that the camera's selector stands at. A camera that has none, or refuses, tells nothing.
+  [[nodiscard]] std::optional<double> temperature_c() const {
+    AravisError error;
+    if (arv_camera_is_feature_available(camera_.get(), "DeviceTemperature", error) == FALSE || error.failed()) return {};
+    const double value_c = arv_camera_get_float(camera_.get(), "DeviceTemperature", error);
+    return error.failed() || !std::isfinite(value_c) ? std::nullopt : std::optional(value_c);
+  }
+
+  void read_temperature() {
+    const HostTime now = host_now();
+    if (temperature_read_ && seconds_between(*temperature_read_, now) < kTemperaturePeriod_s) return;
+    temperature_read_ = now;
+    const std::optional<double> value_c = temperature_c();
+    const std::lock_guard lock(mutex_);
+    state_.temperature_c = value_c;
   }
 
   [[nodiscard]] base::Result<Frame> to_frame(ArvBuffer* buffer, HostTime arrived) const {
@@ -355,6 +377,7 @@ class AravisCamera : public CameraDevice {
   Clock clock_;
   Owned<ArvCamera> camera_;
   gulong lost_signal_ = 0;
+  std::optional<HostTime> temperature_read_;  ///< by the receiving thread
   std::atomic<bool> lost_ = false;
   Owned<ArvStream> stream_;
   std::mutex mutex_;  ///< of the three below

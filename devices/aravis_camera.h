@@ -27,6 +27,7 @@ struct FoundCamera {
 /// `id` is that of FoundCamera, a serial number or an IP address. start() sets exposure, gain, format, trigger and region, switches
 /// ExposureAuto, GainAuto, BlackLevelAuto and gamma off where the camera has them, and reads back what it took. Mono12 comes
 /// unpacked, as Mono12p or as Mono12Packed, whichever the camera has.
+/// CameraState::temperature_c is SFNC's DeviceTemperature, read every ten seconds while the camera runs, where it has that.
 /// A frame's time is that of its arrival. Frames of which packets are missing are counted and not delivered. A camera that stops to answer is
 /// reported within about six seconds (Aravis's heartbeat); stop() then waits some seconds more, for requests that nobody answers.
 /// start() connects to it again.

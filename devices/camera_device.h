@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -43,10 +44,11 @@ struct CameraSettings {
 struct CameraState {
   std::string name;
   bool running = false;
-  std::uint64_t frames = 0;      ///< delivered since start()
-  std::uint64_t incomplete = 0;  ///< frames of which a part did not arrive; they are not delivered
-  int id_bits = 64;              ///< in which it counts its frames, FrameCheckOptions::id_bits
-  std::string trouble = {};      ///< why nothing comes any more; empty: nothing is known to be wrong
+  std::uint64_t frames = 0;                  ///< delivered since start()
+  std::uint64_t incomplete = 0;              ///< frames of which a part did not arrive; they are not delivered
+  int id_bits = 64;                          ///< in which it counts its frames, FrameCheckOptions::id_bits
+  std::string trouble = {};                  ///< why nothing comes any more; empty: nothing is known to be wrong
+  std::optional<double> temperature_c = {};  ///< inside of the camera; nothing where it does not tell
 };
 
 /// Takes frames from a camera's thread: it must not wait long and must not call the camera. An error, once and last, says that the

@@ -44,28 +44,41 @@ FolderWatch::FolderWatch(FolderWatchOptions options, Clock clock)
 }
 
 base::Result<FolderLook> FolderWatch::look() {
-  const auto candidates = list();
-  if (!candidates) return tl::unexpected(candidates.error());
+  const auto listing = list();
+  if (!listing) return tl::unexpected(listing.error());
   const HostTime now = clock_();
   const bool skip = std::exchange(first_look_, false) && !options_.take_existing;
   FolderLook found;
   std::map<Identity, HostTime> at_rest;
-  for (const Candidate& candidate : *candidates) {
-    if (skip) done_.insert(candidate.identity);
-    if (done_.contains(candidate.identity)) continue;
+  for (const Candidate& candidate : listing->candidates) {
+    const auto done = skip ? done_.emplace(candidate.identity, now).first : done_.find(candidate.identity);
+    if (done != done_.end()) {
+      done->second = now;
+      continue;
+    }
     const auto known = at_rest_.find(candidate.identity);
     const HostTime since = known == at_rest_.end() ? now : known->second;
     at_rest.emplace(candidate.identity, since);
-    if (seconds_between(since, now) >= options_.rest_s) read(candidate, found);
+    if (seconds_between(since, now) >= options_.rest_s && read(candidate, found)) {
+      at_rest.erase(candidate.identity);
+      done_.emplace(candidate.identity, now);
+    }
   }
   at_rest_ = std::move(at_rest);
+  if (listing->there) forget_vanished(now);
   return found;
 }
 
-base::Result<std::vector<FolderWatch::Candidate>> FolderWatch::list() const {
-  std::vector<Candidate> candidates;
+void FolderWatch::forget_vanished(HostTime now) {
+  std::erase_if(done_, [&](const auto& one) { return seconds_between(one.second, now) > kForget_s; });
+}
+
+base::Result<FolderWatch::Listing> FolderWatch::list() const {
+  Listing listing;
+  std::vector<Candidate>& candidates = listing.candidates;
   std::error_code error;
   fs::directory_iterator entry(folder_, error);
+  listing.there = !error;
   for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
     const std::optional<std::string> key = key_of(entry->path().filename().string());
     if (!key) continue;
@@ -78,7 +91,7 @@ base::Result<std::vector<FolderWatch::Candidate>> FolderWatch::list() const {
   std::sort(candidates.begin(), candidates.end(), [&](const Candidate& a, const Candidate& b) {
     return std::pair(time_of(a), a.path) < std::pair(time_of(b), b.path);
   });
-  return candidates;
+  return listing;
 }
 
 std::optional<FolderWatch::Identity> FolderWatch::identify(const fs::path& path) {
@@ -95,18 +108,18 @@ std::optional<std::string> FolderWatch::key_of(const std::string& name) const {
   return name.substr(before_.size(), name.size() - before_.size() - after_.size());
 }
 
-void FolderWatch::read(const Candidate& candidate, FolderLook& found) {
+bool FolderWatch::read(const Candidate& candidate, FolderLook& found) {
   auto image = base::read_image(candidate.path);
   // Renamed, removed or written again while it was read: not this image.
-  if (identify(candidate.path) != candidate.identity) return;
-  done_.insert(candidate.identity);
+  if (identify(candidate.path) != candidate.identity) return false;
   if (!image) {
     found.warnings.push_back({"unreadable_image", base::shown(candidate.path), image.error().message});
-    return;
+    return true;
   }
   const auto changed =
       std::chrono::seconds(std::get<3>(candidate.identity)) + std::chrono::nanoseconds(std::get<4>(candidate.identity));
   found.images.push_back({candidate.path, candidate.key, changed, *std::move(image)});
+  return true;
 }
 
 }  // namespace crosstie::devices

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -47,11 +47,19 @@ struct FolderLook {
 /// An image is one file in one state (device, inode, size and time of change): a renamed file is no new image, a file that is written anew
 /// is one. Files that vanish between two looks, or are changed while they are read, are left for the next look or forgotten. Never
 /// waits; use from one thread at a time.
+///
+/// What is remembered is bounded by what the folder holds: an image whose file has been gone for kForget_s is forgotten. Not sooner, since a
+/// listing may miss a file that is renamed meanwhile, and not while the folder itself is gone, since a share that comes back holds the
+/// images of before.
 class FolderWatch {
  public:
   explicit FolderWatch(FolderWatchOptions options, Clock clock = host_now);
   /// Error kFileSystem where the folder exists and cannot be listed.
   base::Result<FolderLook> look();
+
+  static constexpr double kForget_s = 10.0;
+  /// Files that are remembered.
+  [[nodiscard]] std::size_t remembered() const { return done_.size() + at_rest_.size(); }
 
  private:
   /// Device, inode, size, seconds and nanoseconds of the change.
@@ -62,10 +70,17 @@ class FolderWatch {
     Identity identity;
   };
 
-  [[nodiscard]] base::Result<std::vector<Candidate>> list() const;
+  struct Listing {
+    bool there = false;  ///< the folder
+    std::vector<Candidate> candidates;
+  };
+
+  [[nodiscard]] base::Result<Listing> list() const;
+  void forget_vanished(HostTime now);
   [[nodiscard]] static std::optional<Identity> identify(const std::filesystem::path& path);
   [[nodiscard]] std::optional<std::string> key_of(const std::string& name) const;
-  void read(const Candidate& candidate, FolderLook& found);
+  /// Whether the file has been dealt with: it is in `found`, as an image or a warning.
+  [[nodiscard]] bool read(const Candidate& candidate, FolderLook& found);
 
   FolderWatchOptions options_;
   Clock clock_;
@@ -73,7 +88,7 @@ class FolderWatch {
   std::string before_, after_;  ///< the asterisk
   bool any_ = false;            ///< there is one
   bool first_look_ = true;
-  std::set<Identity> done_;               ///< delivered or refused
+  std::map<Identity, HostTime> done_;     ///< delivered or refused, and when the file was last there
   std::map<Identity, HostTime> at_rest_;  ///< since when a file has been as it is
 };
 

@@ -57,7 +57,14 @@ base::Result<> SimulatedCamera::trigger() {
 
 CameraState SimulatedCamera::state() {
   const std::lock_guard lock(mutex_);
-  return state_;
+  CameraState state = state_;
+  state.temperature_c = temperature_c_;
+  return state;
+}
+
+void SimulatedCamera::set_temperature(std::optional<double> temperature_c) {
+  const std::lock_guard lock(mutex_);
+  temperature_c_ = temperature_c;
 }
 
 void SimulatedCamera::unplug() {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -37,6 +38,9 @@ class SimulatedCamera : public CameraDevice {
   base::Result<> trigger() override;
   [[nodiscard]] CameraState state() override;
 
+  /// What state() says of its temperature from now on; nothing: it has no sensor, as at first.
+  void set_temperature(std::optional<double> temperature_c);
+
   /// As if its cable were pulled: the sink gets the error, nothing comes any more until it is started again.
   void unplug();
 
@@ -53,6 +57,7 @@ class SimulatedCamera : public CameraDevice {
   CameraSettings settings_;
   FrameSink sink_;
   CameraState state_;
+  std::optional<double> temperature_c_;
   std::uint64_t exposures_ = 0;
   std::jthread thread_;
 };

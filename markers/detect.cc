@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include <fmt/format.h>
 #include <opencv2/core.hpp>
@@ -12,6 +13,7 @@
 #include "markers/detail/exposure.h"
 #include "markers/detail/marker.h"
 #include "markers/detail/quick_look.h"
+#include "markers/detection.h"
 #include "markers/tags.h"
 
 namespace crosstie::markers {
@@ -94,10 +96,18 @@ Result<> check_image(const ImageView& image) {
 
 Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& family, const DetectOptions& options,
                                  const Progress& progress) {
+  auto detection = detect_in_detail(image, family, options, progress);
+  if (!detection) return fail(std::move(detection));
+  return std::move(detection->observations);
+}
+
+Result<Detection> detect_in_detail(const ImageView& image, const MarkerFamily& family, const DetectOptions& options,
+                                   const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
   if (auto valid = options.validate(); !valid) return fail(std::move(valid));
   if (auto valid = check_image(image); !valid) return fail(std::move(valid));
-  ImageObservations result;
+  Detection detection;
+  ImageObservations& result = detection.observations;
   result.family = family.name;
   result.width_px = image.width;
   result.height_px = image.height;
@@ -115,8 +125,9 @@ Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& fam
     auto tags = observed_tags(image, family, options, progress);
     if (!tags) return fail(std::move(tags));
     result.observations = std::move(*tags);
+    detection.blur_px.assign(result.observations.size(), 0.0);
     result.millis = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-    return result;
+    return detection;
   }
 
   const detail::Sampler sampler(image);
@@ -134,11 +145,16 @@ Result<ImageObservations> detect(const ImageView& image, const MarkerFamily& fam
   detail::remove_duplicates(markers, family);
   detail::scale_covariances(markers);
 
-  result.observations.reserve(markers.size());
-  for (const detail::Marker& marker : markers) result.observations.push_back(observation_of(marker));
-  std::sort(result.observations.begin(), result.observations.end(), before);
+  std::vector<std::pair<base::Observation, double>> found;  // with the blur
+  found.reserve(markers.size());
+  for (const detail::Marker& marker : markers) found.emplace_back(observation_of(marker), marker.dot.blur_px);
+  std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return before(a.first, b.first); });
+  for (const auto& [observation, blur_px] : found) {
+    result.observations.push_back(observation);
+    detection.blur_px.push_back(blur_px);
+  }
   result.millis = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  return result;
+  return detection;
 }
 
 }  // namespace crosstie::markers

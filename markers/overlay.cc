@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include <opencv2/imgproc.hpp>
 
@@ -16,23 +18,39 @@ constexpr std::array<std::uint8_t, 3> kOverExposed = {255, 0, 0};
 constexpr std::array<std::uint8_t, 3> kUnderExposed = {0, 0, 160};
 constexpr int kSubPixelBits = 4;
 
+using Colour = std::array<std::uint8_t, 3>;
+
+/// The colour of every grey level.
+template <typename Sample>
+std::vector<Colour> colours_of_levels(double white_level, const OverlayOptions& options) {
+  const double high = options.saturated_level * white_level;
+  const double low = options.dark_level * white_level;
+  const double scale = 255.0 / white_level;
+  std::vector<Colour> colours(std::size_t{1} << (8 * sizeof(Sample)));
+  for (std::size_t level = 0; level < colours.size(); ++level) {
+    const auto grey = static_cast<double>(level);
+    if (grey >= high) {
+      colours[level] = kOverExposed;
+    } else if (grey <= low) {
+      colours[level] = kUnderExposed;
+    } else {
+      colours[level].fill(static_cast<std::uint8_t>(std::min(255.0, grey * scale)));
+    }
+  }
+  return colours;
+}
+
 template <typename Sample>
 void paint_levels(const base::ImageView& image, const OverlayOptions& options, base::ColourImage& picture) {
-  const double high = options.saturated_level * image.white_level;
-  const double low = options.dark_level * image.white_level;
-  const double scale = 255.0 / image.white_level;
+  const std::vector<Colour> colours = colours_of_levels<Sample>(image.white_level, options);
   std::uint8_t* out = picture.rgb.data();
   for (int y = 0; y < image.height; ++y) {
     const Sample* row = image.row<Sample>(y);
     for (int x = 0; x < image.width; ++x, out += 3) {
-      const auto grey = static_cast<double>(row[x]);
-      if (grey >= high) {
-        std::copy(kOverExposed.begin(), kOverExposed.end(), out);
-      } else if (grey <= low) {
-        std::copy(kUnderExposed.begin(), kUnderExposed.end(), out);
-      } else {
-        std::fill_n(out, 3, static_cast<std::uint8_t>(std::min(255.0, grey * scale)));
-      }
+      const Colour& colour = colours[row[x]];
+      out[0] = colour[0];
+      out[1] = colour[1];
+      out[2] = colour[2];
     }
   }
 }

@@ -10,11 +10,11 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
 #include "math/head_point.h"
 #include "math/median.h"
+#include "math/triangulate.h"
 #include "scan/detail/calibration_part.h"
 #include "scan/detail/marker_surface.h"
 #include "scan/detail/rectification.h"
@@ -102,45 +102,6 @@ std::map<int, Observation> by_id(const ImageObservations& image) {
   return found;
 }
 
-/// Both images of a point.
-struct Sight {
-  std::array<Eigen::Vector2d, 2> pixel;
-  std::array<Eigen::Matrix2d, 2> weight;  ///< inverse covariances
-};
-
-struct Triangulated {
-  Eigen::Vector3d p_in_rig_mm = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d cov_mm2 = Eigen::Matrix3d::Zero();
-};
-
-/// The point whose images are nearest under the weights, from `start` on.
-std::optional<Triangulated> triangulate(const base::Head& head, const Sight& sight, const Eigen::Vector3d& start) {
-  constexpr int kMost = 10;
-  constexpr double kStill_mm = 1e-9;
-  const Eigen::Matrix3d rotation = head.right_from_left.rotation.toRotationMatrix();
-  Triangulated result;
-  result.p_in_rig_mm = start;
-  for (int step = 0; step < kMost; ++step) {
-    Eigen::Matrix<double, 2, 3> by_left, by_right;
-    const auto left = head.left.project(result.p_in_rig_mm, &by_left);
-    const auto right = head.right.project(head.right_from_left * result.p_in_rig_mm, &by_right);
-    if (!left || !right) return {};
-    by_right = by_right * rotation;
-    const Eigen::Matrix3d normal =
-        by_left.transpose() * sight.weight[0] * by_left + by_right.transpose() * sight.weight[1] * by_right;
-    const Eigen::Vector3d pull = by_left.transpose() * sight.weight[0] * (sight.pixel[0] - *left) +
-                                 by_right.transpose() * sight.weight[1] * (sight.pixel[1] - *right);
-    const Eigen::LDLT<Eigen::Matrix3d> ldlt(normal);
-    if (!(ldlt.vectorD().minCoeff() > 0.0)) return {};
-    const Eigen::Vector3d move = ldlt.solve(pull);
-    result.p_in_rig_mm += move;
-    result.cov_mm2 = ldlt.solve(Eigen::Matrix3d::Identity());
-    if (!result.p_in_rig_mm.allFinite()) return {};
-    if (move.norm() < kStill_mm * result.p_in_rig_mm.norm()) return result;
-  }
-  return result;
-}
-
 /// A circle about `centre`, both in a camera's frame: from the image of the centre to the middle of the circle's ellipse. The dual
 /// conic of the image is X X' - r^2 (I - n n') (Hartley & Zisserman, Multiple View Geometry, 2nd ed., ch. 8.2).
 std::optional<Eigen::Vector2d> eccentricity_px(const base::Camera& camera, const Eigen::Vector3d& centre,
@@ -162,7 +123,7 @@ double radius_mm_of(const base::Camera& camera, const Eigen::Vector3d& centre, c
 }
 
 /// How much the calibration's uncertainty moves the distance from the epipolar curve: by differences over the head's parameters.
-double calibration_off_curve_px(const base::Head& head, const Sight& sight) {
+double calibration_off_curve_px(const base::Head& head, const math::HeadSight& sight) {
   constexpr double kStep = 0.1;  // of a parameter's sigma
   if (head.cov.size() == 0) return 0.0;
   const Eigen::Matrix2d none = Eigen::Matrix2d::Zero();
@@ -263,10 +224,10 @@ base::Result<std::vector<ScannedMarker>> marker_points(const ScanCloud& scan, co
   for (const auto& [id, seen] : lefts) {
     const auto other = rights.find(id);
     if (other == rights.end()) continue;
-    Sight sight{{seen.centre_px, other->second.centre_px}, {seen.cov_px2.inverse(), other->second.cov_px2.inverse()}};
+    math::HeadSight sight{{seen.centre_px, other->second.centre_px}, {seen.cov_px2.inverse(), other->second.cov_px2.inverse()}};
     if (!sight.weight[0].allFinite() || !sight.weight[1].allFinite()) continue;
     const auto start = math::point_of_left_ray(head.left, head.right, head.right_from_left, sight.pixel[0], sight.pixel[1]);
-    auto point = start && start->z() > 0.0 ? triangulate(head, sight, *start) : std::nullopt;
+    auto point = start && start->z() > 0.0 ? math::triangulate(head, sight, *start) : std::nullopt;
     if (!point) continue;
 
     std::vector<detail::SurfaceSample> samples;
@@ -285,7 +246,7 @@ base::Result<std::vector<ScannedMarker>> marker_points(const ScanCloud& scan, co
       if (shift_left && shift_right) {
         sight.pixel[0] -= *shift_left;
         sight.pixel[1] -= *shift_right;
-        if (const auto again = triangulate(head, sight, point->p_in_rig_mm)) point = again;
+        if (const auto again = math::triangulate(head, sight, point->p_in_rig_mm)) point = again;
         wall = detail::surface_beneath(samples, point->p_in_rig_mm);
       }
     }

@@ -72,20 +72,6 @@ std::optional<Matrix3d> circle_of(const Survey& survey, const State& state, std:
   return circle_of(views, point);
 }
 
-std::optional<Eigen::Vector2d> eccentricity_px(const CircleView& view, const Vector3d& point, const Matrix3d& circle) {
-  const Matrix3d rotation = view.camera_from_object.rotation.toRotationMatrix();
-  const Vector3d x = view.camera_from_object * point;
-  const Matrix3d dual_conic = x * x.transpose() - rotation * circle * rotation.transpose();
-  const Vector3d centre = dual_conic.col(2);
-  Eigen::Vector2d of_circle;
-  Eigen::Vector2d of_ellipse;
-  if (!base::project_bare(view.lens, view.parameters, x.data(), of_circle.data(), nullptr, nullptr) ||
-      !base::project_bare(view.lens, view.parameters, centre.data(), of_ellipse.data(), nullptr, nullptr)) {
-    return std::nullopt;
-  }
-  return of_ellipse - of_circle;
-}
-
 namespace {
 
 /// The same of all active rays of a point.

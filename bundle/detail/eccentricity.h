@@ -5,10 +5,9 @@
 
 #include <Eigen/Core>
 
-#include "base/camera.h"
-#include "base/pose.h"
 #include "bundle/detail/state.h"
 #include "bundle/detail/survey.h"
+#include "math/circle_of_pair.h"
 
 namespace crosstie::bundle::detail {
 
@@ -29,20 +28,11 @@ double reduce_to_circle_centres(Survey& survey, const State& state);
 /// Median diameter of the points' circles, by the same circles; nothing where none is determined.
 std::optional<double> dot_diameter_mm(const Survey& survey, const State& state);
 
-/// How a circle of an object appears in one image.
-struct CircleView {
-  base::LensModel lens = base::LensModel::kPinhole;
-  const double* parameters = nullptr;  ///< of the lens
-  base::Pose camera_from_object;
-  Eigen::Matrix2d shape_px2 = Eigen::Matrix2d::Zero();  ///< as Ray::shape_px2
-};
+using math::CircleView;
+using math::eccentricity_px;
 
 /// The circle M = r^2 (I - n n') about `point` that appears as these ellipses; nothing where they determine none.
 std::optional<Eigen::Matrix3d> circle_of(std::span<const CircleView> views, const Eigen::Vector3d& point);
-
-/// From the image of the circle's centre to the centre of its ellipse; nothing where it is not seen.
-std::optional<Eigen::Vector2d> eccentricity_px(const CircleView& view, const Eigen::Vector3d& point,
-                                               const Eigen::Matrix3d& circle);
 
 /// An ellipse as Ray::shape_px2, in an oriented image.
 struct SeenEllipse {

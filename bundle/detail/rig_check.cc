@@ -8,7 +8,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
-#include "bundle/detail/circle_of_pair.h"
+#include "bundle/detail/eccentricity.h"
+#include "math/circle_of_pair.h"
 #include "math/distributions.h"
 
 namespace crosstie::bundle::detail {
@@ -110,7 +111,7 @@ void reduce_to_circle_centres(const base::Head& head, CommonMarker& marker) {
   const std::array<CircleView, 2> views = {
       CircleView{head.left.model(), head.left.parameters().data(), base::Pose{}, marker.left_shape_px2},
       CircleView{head.right.model(), head.right.parameters().data(), head.right_from_left, marker.right_shape_px2}};
-  const auto circle = circle_of_pair(views, p_in_rig);
+  const auto circle = math::circle_of_pair(views, p_in_rig);
   if (!circle) return;
   const auto of_left = eccentricity_px(views[0], p_in_rig, *circle);
   const auto of_right = eccentricity_px(views[1], p_in_rig, *circle);

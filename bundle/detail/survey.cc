@@ -132,17 +132,6 @@ Eigen::Matrix2d usable_covariance(const Eigen::Matrix2d& cov_px2, double typical
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() * eigen.eigenvectors().transpose();
 }
 
-Eigen::Matrix2d shape_of(const base::Observation& observation) {
-  if (!(observation.semi_minor_px > 0.0) || !std::isfinite(observation.semi_major_px) ||
-      !std::isfinite(observation.angle_rad)) {
-    return Eigen::Matrix2d::Zero();
-  }
-  const Eigen::Matrix2d axes = Eigen::Rotation2Dd(observation.angle_rad).toRotationMatrix();
-  const Eigen::Vector2d squares(observation.semi_major_px * observation.semi_major_px,
-                                observation.semi_minor_px * observation.semi_minor_px);
-  return axes * squares.asDiagonal() * axes.transpose();
-}
-
 Result<Survey> make_survey(const base::Network& network) {
   Survey survey;
   survey.dot_diameter_mm = network.dot_diameter_mm;

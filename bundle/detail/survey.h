@@ -10,6 +10,7 @@
 #include "base/network.h"
 #include "base/pose.h"
 #include "base/result.h"
+#include "math/circle_of_pair.h"
 
 namespace crosstie::bundle::detail {
 
@@ -104,7 +105,6 @@ base::Result<Survey> make_survey(const base::Network& network);
 /// The same for the covariance of one more image point, where `typical_px` is the network's median sigma.
 Eigen::Matrix2d usable_covariance(const Eigen::Matrix2d& cov_px2, double typical_px);
 
-/// The ellipse of an observation as Ray::shape_px2; zero where its axes are not known.
-Eigen::Matrix2d shape_of(const base::Observation& observation);
+using math::shape_of;
 
 }  // namespace crosstie::bundle::detail

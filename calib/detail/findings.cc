@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 
+#include "calib/board_views.h"
 #include "math/distributions.h"
 
 namespace crosstie::calib::detail {
@@ -16,14 +17,10 @@ namespace {
 using base::CalibratedCamera;
 using base::Calibration;
 
-constexpr int kFewViews = 10;
 constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kLittleTilt_rad = 20.0 * kDegree;
-constexpr double kRolled_rad = 60.0 * kDegree;
-constexpr double kWeakFocal = 0.005;   // relative sigma
-constexpr double kPoorCoverage = 0.7;  // of the inner cells
-constexpr double kBadView = 3.0;       // rms over the median's
-constexpr double kGap = 2.0;           // over its prediction
+constexpr double kWeakFocal = 0.005;  // relative sigma
+constexpr double kBadView = 3.0;      // rms over the median's
+constexpr double kGap = 2.0;          // over its prediction
 constexpr double kPriorLevel = 0.999;
 
 void warn(Calibration& result, std::string code, std::string subject, std::string message) {
@@ -45,19 +42,9 @@ void about_views(const CalibratedCamera& camera, Calibration& result) {
          fmt::format("camera {}: {} images of the board only; 25 or more, tilted and turned, make a calibration that holds",
                      camera.name, views.size()));
   }
-  double tilt = 0.0;
-  double roll = 0.0;
-  for (const auto* a : views) {
-    for (const auto* b : views) {
-      const Eigen::Vector3d normal_a = a->board_from_camera.rotation.conjugate() * Eigen::Vector3d::UnitZ();
-      const Eigen::Vector3d normal_b = b->board_from_camera.rotation.conjugate() * Eigen::Vector3d::UnitZ();
-      tilt = std::max(tilt, std::atan2(normal_a.cross(normal_b).norm(), normal_a.dot(normal_b)));
-      const Eigen::Vector3d right_a = a->board_from_camera.rotation * Eigen::Vector3d::UnitX();
-      const Eigen::Vector3d right_b = b->board_from_camera.rotation * Eigen::Vector3d::UnitX();
-      const double turn = std::atan2(right_a.y(), right_a.x()) - std::atan2(right_b.y(), right_b.x());
-      roll = std::max(roll, std::abs(std::remainder(turn, 2.0 * std::numbers::pi)));
-    }
-  }
+  std::vector<base::Pose> poses;
+  for (const auto* view : views) poses.push_back(view->board_from_camera);
+  const auto [tilt, roll] = spread_of(poses);
   if (tilt < kLittleTilt_rad) {
     warn(result, "little_tilt", camera.name,
          fmt::format(
@@ -76,12 +63,7 @@ void about_views(const CalibratedCamera& camera, Calibration& result) {
 
 void about_coverage(const CalibratedCamera& camera, Calibration& result) {
   const base::CalibratedArea& area = camera.area;
-  std::string empty;
-  const std::array<std::pair<std::array<int, 2>, const char*>, 4> corners = {
-      {{{1, 1}, "upper left"}, {{10, 1}, "upper right"}, {{1, 10}, "lower left"}, {{10, 10}, "lower right"}}};
-  for (const auto& [cell, name] : corners) {
-    if (area.count(cell[0], cell[1]) == 0) empty += (empty.empty() ? "" : ", ") + std::string(name);
-  }
+  const std::string empty = fmt::format("{}", fmt::join(empty_corners(area), ", "));
   if (area.inner_share() >= kPoorCoverage && empty.empty()) return;
   warn(result, "poor_coverage", camera.name,
        fmt::format(

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "base/file.h"
+#include "base/content_policy.h"
 #include "base/version.h"
 #include "report/detail/assets.h"
 #include "report/detail/html.h"
@@ -19,21 +19,6 @@ using base::VerdictLevel;
 
 const char* level_sign(VerdictLevel level) {
   return level == VerdictLevel::kOk ? "\u2713" : level == VerdictLevel::kWarning ? "!" : "\u2715";
-}
-
-/// The hash of an inline style or script as a content security policy names it (CSP level 3, section 2.3.1).
-std::string csp_hash(std::string_view content) {
-  static constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  const std::string hex = base::sha256_hex(content);
-  std::array<unsigned, 33> bytes{};  // 32 and one of padding
-  for (std::size_t i = 0; i < 32; ++i) bytes[i] = static_cast<unsigned>(std::stoul(hex.substr(2 * i, 2), nullptr, 16));
-  std::string text;
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const unsigned group = bytes[i] << 16 | bytes[i + 1] << 8 | bytes[i + 2];
-    for (const int shift : {18, 12, 6, 0}) text += kDigits[group >> shift & 63u];
-  }
-  text.back() = '=';
-  return "'sha256-" + text + "'";
 }
 
 /// So that XML parsers take the script as text.
@@ -187,7 +172,7 @@ std::string Page::html() const {
   const std::string viewer = has_scene_ ? cdata(viewer_js()) : "";
   std::string policy = fmt::format(
       "default-src 'none'; img-src 'self' file: data:; style-src {}; script-src {}{}{}; base-uri 'none'; form-action 'none'",
-      csp_hash(css), csp_hash(script), has_scene_ ? " " : "", has_scene_ ? csp_hash(viewer) : "");
+      base::csp_hash(css), base::csp_hash(script), has_scene_ ? " " : "", has_scene_ ? base::csp_hash(viewer) : "");
   std::string contents;
   std::string body;
   for (const Section& one : sections) {

@@ -1,30 +1,27 @@
 #include "devices/aravis_camera.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
-#include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
+#include <arv.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/socket.h>
-#include <sys/un.h>
-#include <unistd.h>
 
 #include "devices/frame_check.h"
 #include "devices/gige_simulator.h"
 #include "devices/newest_queue.h"
+#include "tests/devices/gige_turn.h"
+#include "tests/support/temporary_folder.h"
 
 namespace crosstie::devices {
 namespace {
@@ -34,29 +31,6 @@ using ::testing::HasSubstr;
 
 constexpr const char* kAddress = "127.0.0.1";
 constexpr int kWidth = 96, kHeight = 64;  // a few packets: they fit into any socket's buffer
-
-/// GigE Vision has one port for all cameras of an address: tests that run at the same time take turns. A name in the abstract namespace of
-/// local sockets belongs to one process of the host, like the port, and is free again when that ends.
-class Turn {
- public:
-  Turn() : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_un name{};
-    name.sun_family = AF_UNIX;
-    constexpr std::string_view kName = "crosstie-gige-tests";
-    std::copy(kName.begin(), kName.end(), name.sun_path + 1);
-    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(5);
-    while (::bind(socket_, reinterpret_cast<const sockaddr*>(&name), sizeof name) != 0) {
-      if (std::chrono::steady_clock::now() > end) throw std::runtime_error("other tests keep the port of GigE cameras");
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-  }
-  Turn(const Turn&) = delete;
-  Turn& operator=(const Turn&) = delete;
-  ~Turn() { ::close(socket_); }
-
- private:
-  int socket_;
-};
 
 /// The grey level of a pixel of exposure `number`: no two neighbours, rows or exposures are alike.
 int grey(int x, int y, int number) { return (7 * x + 13 * y + 29 * number) % 251; }
@@ -68,8 +42,30 @@ bool in_order(const std::vector<FrameHeader>& headers) {
                                  [](const FrameFinding& finding) { return finding.fault == FrameFault::kLost; });
 }
 
+constexpr double kTemperature_c = 41.25;
+
+/// Aravis's simulated camera describes itself as this file says, once for all tests: as by itself, and with a temperature.
+void describe_with_temperature(const tests::TemporaryFolder& folder) {
+  GBytes* const own = g_resources_lookup_data("/org/aravis/arv-fake-camera.xml", G_RESOURCE_LOOKUP_FLAGS_NONE, nullptr);
+  if (own == nullptr) return;
+  gsize size = 0;
+  const void* const data = g_bytes_get_data(own, &size);
+  std::string xml(static_cast<const char*>(data), size);
+  g_bytes_unref(own);
+  const auto end = xml.rfind("</RegisterDescription>");
+  if (end == std::string::npos) return;
+  xml.insert(end, "<Float Name=\"DeviceTemperature\" NameSpace=\"Standard\"><Value>" + std::to_string(kTemperature_c) +
+                      "</Value></Float>\n");
+  arv_set_fake_camera_genicam_filename(folder.write("camera.xml", xml).c_str());
+}
+
 class AravisCameraTest : public ::testing::Test {
  protected:
+  static void SetUpTestSuite() {
+    static const tests::TemporaryFolder kFolder;
+    describe_with_temperature(kFolder);
+  }
+
   void SetUp() override {
     plug_in();
     if (!simulator_) GTEST_SKIP() << "no GigE camera can be simulated here: " << why_not_;
@@ -129,7 +125,7 @@ class AravisCameraTest : public ::testing::Test {
     return [&queue](base::Result<Frame> frame) { queue.push(std::move(frame)); };
   }
 
-  Turn turn_;
+  tests::GigeTurn turn_;
   std::string why_not_;
   std::atomic<int> exposures_ = 0, exposure_us_ = 0, gain_ = 0;
   std::unique_ptr<GigeSimulator> simulator_;
@@ -170,6 +166,21 @@ TEST_F(AravisCameraTest, FramesArriveWithTheirPixelsIdsAndTimes) {
   EXPECT_EQ((*camera)->state().frames, 5u);
   (*camera)->stop();
   EXPECT_EQ((*camera)->trigger().error().code, ErrorCode::kDevice);
+}
+
+TEST_F(AravisCameraTest, ItsTemperatureIsReadWhileItRuns) {
+  NewestQueue<Frame> queue(8);
+  auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  EXPECT_FALSE((*camera)->state().temperature_c);
+  ASSERT_TRUE((*camera)->start(triggered(), [&](base::Result<Frame> frame) { queue.push(std::move(frame)); }));
+  ASSERT_TRUE(next_frame(**camera, queue));
+  for (int wait = 0; wait < 200 && !(*camera)->state().temperature_c; ++wait) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  ASSERT_TRUE((*camera)->state().temperature_c);
+  EXPECT_EQ(*(*camera)->state().temperature_c, kTemperature_c);
+  (*camera)->stop();
 }
 
 TEST_F(AravisCameraTest, GreyLevelsOf16BitsArriveWhole) {
@@ -252,6 +263,71 @@ TEST_F(AravisCameraTest, WhatTheCameraCannotDoIsRefusedByName) {
   EXPECT_TRUE((*camera)->start(line, nowhere));
   EXPECT_EQ((*camera)->trigger().error().code, ErrorCode::kUsage);
   EXPECT_EQ((*camera)->start(line, nowhere).error().code, ErrorCode::kUsage);
+}
+
+TEST_F(AravisCameraTest, ACameraThatAnotherProgramControlsIsRefusedInWords) {
+  NewestQueue<Frame> queue(4);
+  auto first = open_aravis_camera(kAddress);
+  ASSERT_TRUE(first) << first.error().message;
+  for (const bool running : {false, true}) {
+    if (running) {
+      ASSERT_TRUE((*first)->start(triggered(), into(queue)));
+    }
+    const auto second = open_aravis_camera(kAddress);
+    ASSERT_FALSE(second);
+    EXPECT_EQ(second.error().code, ErrorCode::kDevice);
+    EXPECT_THAT(second.error().message, HasSubstr(kAddress));
+    EXPECT_THAT(second.error().message, HasSubstr("another program controls it"));
+  }
+  EXPECT_TRUE(next_frame(**first, queue));  // the one that has it is not disturbed
+  first->reset();
+  const auto after = open_aravis_camera(kAddress);
+  EXPECT_TRUE(after) << after.error().message;
+}
+
+TEST_F(AravisCameraTest, TwoCamerasOfOneHostHaveAnAddressEach) {
+  std::array<std::unique_ptr<GigeSimulator>, 2> simulators;
+  std::array<std::unique_ptr<CameraDevice>, 2> cameras;
+  std::array<NewestQueue<Frame>, 2> queues = {NewestQueue<Frame>(4), NewestQueue<Frame>(4)};
+  const std::array<std::string, 2> addresses = {"127.0.0.2", "127.0.0.3"};
+  for (std::size_t i = 0; i < 2; ++i) {
+    auto simulator =
+        simulate_gige_camera(addresses[i], "TWO" + std::to_string(i), [i](const GigeExposure&, std::span<std::byte> pixels) {
+          std::fill(pixels.begin(), pixels.end(), static_cast<std::byte>(50 + i));
+        });
+    ASSERT_TRUE(simulator) << simulator.error().message;
+    simulators[i] = *std::move(simulator);
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    auto camera = open_aravis_camera(addresses[i]);
+    ASSERT_TRUE(camera) << camera.error().message;
+    cameras[i] = *std::move(camera);
+    ASSERT_TRUE(cameras[i]->start(triggered(), into(queues[i])));
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto frame = next_frame(*cameras[i], queues[i]);
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->image.view().row<std::uint8_t>(0)[0], 50 + static_cast<int>(i));
+  }
+  EXPECT_EQ(exposures_, 0);  // that of 127.0.0.1
+}
+
+TEST_F(AravisCameraTest, EachTriggerIsOneExposureAtOnce) {
+  NewestQueue<Frame> queue(8);
+  const auto camera = open_aravis_camera(kAddress);
+  ASSERT_TRUE(camera) << camera.error().message;
+  ASSERT_TRUE((*camera)->start(triggered(), into(queue)));
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE((*camera)->trigger());
+    EXPECT_FALSE(exposures_ < i + 1) << "not exposed when the trigger was acknowledged";
+  }
+  for (int i = 0; i < 5; ++i) {
+    const auto frame = queue.pop(10.0);
+    ASSERT_TRUE(frame && *frame);
+    EXPECT_EQ((*frame)->image.view().row<std::uint8_t>(0)[0], grey(0, 0, i));
+  }
+  EXPECT_FALSE(*queue.pop(0.3));  // and no other one
+  EXPECT_EQ(exposures_, 5);
 }
 
 TEST_F(AravisCameraTest, IsFoundByAskingTheNetwork) {

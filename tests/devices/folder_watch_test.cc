@@ -1,5 +1,6 @@
 #include "devices/folder_watch.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <filesystem>
@@ -147,6 +148,51 @@ TEST_F(FolderWatchTest, DeletedFilesAndFolders) {
   EXPECT_THAT(found(folder), IsEmpty());
   folder_.write("day/shot_2.png", grey_png(2));
   EXPECT_THAT(found_at_rest(folder), ElementsAre("2:2"));
+}
+
+TEST_F(FolderWatchTest, RemembersNoMoreThanTheFolderHolds) {
+  FolderWatch folder = watch();
+  EXPECT_THAT(found(folder), IsEmpty());
+  std::size_t most = 0;
+  for (int i = 0; i < 40; ++i) {  // other software that moves its images away once they were read
+    const fs::path file = folder_.write(fmt::format("shot_{}.png", i), grey_png(i));
+    EXPECT_THAT(found_at_rest(folder), ElementsAre(fmt::format("{}:{}", i, i)));
+    fs::remove(file);
+    clock_.advance(milliseconds(700));
+    most = std::max(most, folder.remembered());
+  }
+  EXPECT_LE(most, 12u);  // one a second, those of ten seconds
+  clock_.advance(milliseconds(10'001));
+  EXPECT_THAT(found(folder), IsEmpty());
+  EXPECT_EQ(folder.remembered(), 0u);
+}
+
+TEST_F(FolderWatchTest, WhatStaysIsRememberedForEver) {
+  FolderWatch folder = watch("day/shot_*.png");
+  EXPECT_THAT(found(folder), IsEmpty());
+  folder_.write("day/shot_1.png", grey_png(1));
+  EXPECT_THAT(found_at_rest(folder), ElementsAre("1:1"));
+  for (int i = 0; i < 5; ++i) {
+    clock_.advance(std::chrono::minutes(1));
+    EXPECT_THAT(found(folder), IsEmpty());
+  }
+  EXPECT_EQ(folder.remembered(), 1u);
+  // A share that goes away and comes back with the images of before.
+  fs::rename(folder_ / "day", folder_ / "night");
+  for (int i = 0; i < 5; ++i) {
+    clock_.advance(std::chrono::minutes(1));
+    EXPECT_THAT(found(folder), IsEmpty());
+  }
+  fs::rename(folder_ / "night", folder_ / "day");
+  EXPECT_THAT(found(folder), IsEmpty());
+  EXPECT_THAT(found_at_rest(folder), IsEmpty());
+  // A listing that missed the file once, as it may where the file is renamed meanwhile.
+  fs::rename(folder_ / "day/shot_1.png", folder_ / "day/hidden");
+  clock_.advance(milliseconds(9'000));
+  EXPECT_THAT(found(folder), IsEmpty());
+  fs::rename(folder_ / "day/hidden", folder_ / "day/shot_2.png");
+  EXPECT_THAT(found(folder), IsEmpty());
+  EXPECT_THAT(found_at_rest(folder), IsEmpty());
 }
 
 TEST_F(FolderWatchTest, FilesOfAnotherDayCountWhereWanted) {

@@ -121,6 +121,17 @@ TEST(SimulatedCamera, ALostCameraSaysSoOnceAndStartsAgain) {
   EXPECT_EQ(camera.state().trouble, "");
 }
 
+TEST(SimulatedCamera, TellsItsTemperatureWhereItHasOne) {
+  SimulatedCamera camera("left", numbered);
+  EXPECT_FALSE(camera.state().temperature_c);
+  camera.set_temperature(41.25);
+  EXPECT_EQ(camera.state().temperature_c, 41.25);
+  ASSERT_TRUE(camera.start({.trigger = TriggerMode::kSoftware}, [](const base::Result<Frame>&) {}));
+  EXPECT_EQ(camera.state().temperature_c, 41.25) << "also after start()";
+  camera.set_temperature({});
+  EXPECT_FALSE(camera.state().temperature_c);
+}
+
 TEST(SimulatedCamera, SettingsOutOfTheirDomain) {
   SimulatedCamera camera("left", numbered);
   const FrameSink nowhere = [](const base::Result<Frame>&) {};

@@ -1,4 +1,4 @@
-#include "bundle/detail/circle_of_pair.h"
+#include "math/circle_of_pair.h"
 
 #include <cmath>
 #include <numbers>
@@ -8,7 +8,7 @@
 
 #include "base/camera.h"
 
-namespace crosstie::bundle::detail {
+namespace crosstie::math {
 namespace {
 
 using Eigen::Matrix2d;
@@ -46,6 +46,31 @@ Fit fit(const std::vector<Seen>& seen, const Vector3d& normal) {
 }
 
 }  // namespace
+
+Eigen::Matrix2d shape_of(const base::Observation& observation) {
+  if (!(observation.semi_minor_px > 0.0) || !std::isfinite(observation.semi_major_px) ||
+      !std::isfinite(observation.angle_rad)) {
+    return Eigen::Matrix2d::Zero();
+  }
+  const Eigen::Matrix2d axes = Eigen::Rotation2Dd(observation.angle_rad).toRotationMatrix();
+  const Eigen::Vector2d squares(observation.semi_major_px * observation.semi_major_px,
+                                observation.semi_minor_px * observation.semi_minor_px);
+  return axes * squares.asDiagonal() * axes.transpose();
+}
+
+std::optional<Eigen::Vector2d> eccentricity_px(const CircleView& view, const Vector3d& point, const Matrix3d& circle) {
+  const Matrix3d rotation = view.camera_from_object.rotation.toRotationMatrix();
+  const Vector3d x = view.camera_from_object * point;
+  const Matrix3d dual_conic = x * x.transpose() - rotation * circle * rotation.transpose();
+  const Vector3d centre = dual_conic.col(2);
+  Eigen::Vector2d of_circle;
+  Eigen::Vector2d of_ellipse;
+  if (!base::project_bare(view.lens, view.parameters, x.data(), of_circle.data(), nullptr, nullptr) ||
+      !base::project_bare(view.lens, view.parameters, centre.data(), of_ellipse.data(), nullptr, nullptr)) {
+    return std::nullopt;
+  }
+  return of_ellipse - of_circle;
+}
 
 std::optional<Matrix3d> circle_of_pair(std::span<const CircleView> views, const Vector3d& point) {
   std::vector<Seen> seen;
@@ -102,4 +127,4 @@ std::optional<Matrix3d> circle_of_pair(std::span<const CircleView> views, const 
   return Matrix3d(best.radius2 * (Matrix3d::Identity() - best.normal * best.normal.transpose()));
 }
 
-}  // namespace crosstie::bundle::detail
+}  // namespace crosstie::math
