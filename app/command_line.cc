@@ -6,6 +6,8 @@
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
+#include "app/completion.h"
+#include "app/man_page.h"
 #include "base/text.h"
 #include "base/version.h"
 
@@ -51,10 +53,50 @@ std::string unknown_verb(const std::string& word, const std::vector<Verb>& verbs
                      meant ? fmt::format(", did you mean '{}'?", *meant) : "");
 }
 
+const Option& common_option(std::string_view name) {
+  const auto& options = common_options();
+  return *std::find_if(options.begin(), options.end(), [&](const Option& option) { return option.name == name; });
+}
+
+const Verb* find_verb(const std::string& name, const std::vector<Verb>& verbs) {
+  const auto found = std::find_if(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == name; });
+  return found == verbs.end() ? nullptr : &*found;
+}
+
+/// `crosstie help --man [VERB]`, `--bash-completion` and `--verbs`: what installations are made of.
+Result<std::string> help_text(const std::vector<std::string>& words, const std::vector<Verb>& verbs) {
+  const std::string what = words.size() > 1 ? words[1] : "";
+  if (what == "--man" && words.size() == 2) return man_page(verbs);
+  if (what == "--man" && words.size() == 3) {
+    const Verb* verb = find_verb(words[2], verbs);
+    if (verb == nullptr) return base::fail(ErrorCode::kUsage, unknown_verb(words[2], verbs));
+    return man_page(*verb);
+  }
+  if (what == "--bash-completion" && words.size() == 2) return bash_completion(verbs);
+  if (what == "--verbs" && words.size() == 2) {
+    std::string text;
+    for (const Verb& verb : verbs) text += verb.name + "\n";
+    return text;
+  }
+  return base::fail(ErrorCode::kUsage,
+                    "help takes nothing, a VERB, --man, --man VERB, --verbs or --bash-completion; see `crosstie --help`");
+}
+
 }  // namespace
 
 Result<Invocation> parse_command_line(const std::vector<std::string>& words, const std::vector<Verb>& verbs) {
   Invocation invocation;
+  if (!words.empty() && words.front() == "help" && find_verb("help", verbs) == nullptr) {
+    if (words.size() == 1) return parse_command_line({"--help"}, verbs);
+    if (words.size() == 2 && !words[1].starts_with("-")) {
+      if (find_verb(words[1], verbs) == nullptr) return base::fail(ErrorCode::kUsage, unknown_verb(words[1], verbs));
+      return parse_command_line({words[1], "--help"}, verbs);
+    }
+    auto text = help_text(words, verbs);
+    if (!text) return base::fail(std::move(text));
+    invocation.text = *std::move(text);
+    return invocation;
+  }
   CLI::App app("crosstie ties what a welding machine sees to the machine's own frame; every number carries a sigma.",
                "crosstie");
   app.set_version_flag("--version", std::string(base::version()));
@@ -67,15 +109,14 @@ Result<Invocation> parse_command_line(const std::vector<std::string>& words, con
     CLI::App* sub = app.add_subcommand(verb.name, verb.summary);
     sub->footer("Example:\n" + verb.example);
     add_options(*sub, verb, slots.emplace_back());
-    sub->add_flag("--quiet", invocation.quiet, "say nothing on stderr but errors");
-    sub->add_option("--threads", invocation.threads, "worker threads; 0 = all cores (default); results do not depend on it")
+    sub->add_flag("--quiet", invocation.quiet, common_option("--quiet").help);
+    sub->add_option("--threads", invocation.threads, common_option("--threads").help)
         ->check(CLI::Range(0, 1024))
         ->type_name("N");
     subcommands.push_back(sub);
   }
 
-  if (!words.empty() && !words.front().starts_with("-") &&
-      std::none_of(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == words.front(); })) {
+  if (!words.empty() && !words.front().starts_with("-") && find_verb(words.front(), verbs) == nullptr) {
     return base::fail(ErrorCode::kUsage, unknown_verb(words.front(), verbs));
   }
   try {

@@ -16,7 +16,8 @@ struct Invocation {
   std::string text;  ///< help or version, for stdout
 };
 
-/// Parses the words after the program's name; a kUsage Error says what is wrong and how to get help.
+/// Parses the words after the program's name; a kUsage Error says what is wrong and how to get help. Beside the verbs there is
+/// `help [VERB]` and, for those who install the program, `help --man [VERB]`, `help --bash-completion` and `help --verbs`.
 base::Result<Invocation> parse_command_line(const std::vector<std::string>& words, const std::vector<Verb>& verbs);
 
 }  // namespace crosstie::app

@@ -71,6 +71,12 @@ constexpr std::array<NamedFit, 6> kFits = {{{"line", described<math::fit_line>},
 
 }  // namespace
 
+std::vector<std::string> shape_names() {
+  std::vector<std::string> names;
+  for (const NamedFit& one : kFits) names.emplace_back(one.shape);
+  return names;
+}
+
 Result<FittedShape> fit_shape(const std::string& shape, std::span<const Eigen::Vector3d> points_mm,
                               const math::ShapeFitOptions& options) {
   const auto named = std::find_if(kFits.begin(), kFits.end(), [&](const NamedFit& one) { return shape == one.shape; });

@@ -33,6 +33,9 @@ struct FitFigure {
   double shown_sigma = 0.0;  ///< whose digits are shown: the largest of the components of a vector
 };
 
+/// The shapes that fit_shape() knows.
+[[nodiscard]] std::vector<std::string> shape_names();
+
 /// kUsage for a shape that there is not.
 base::Result<FittedShape> fit_shape(const std::string& shape, std::span<const Eigen::Vector3d> points_mm,
                                     const math::ShapeFitOptions& options);

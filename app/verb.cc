@@ -45,4 +45,13 @@ const std::vector<Verb>& verbs() {
   return table;
 }
 
+const std::vector<Option>& common_options() {
+  static const std::vector<Option> options = {
+      {"--quiet", "", "say nothing on stderr but errors"},
+      {"--threads", "N", "worker threads; 0 = all cores (default); results do not depend on it"},
+      {"--help", "", "show the options and an example, and exit"},
+  };
+  return options;
+}
+
 }  // namespace crosstie::app

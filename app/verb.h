@@ -11,7 +11,7 @@
 
 namespace crosstie::app {
 
-/// An option of a verb as data, from which the parser, `--help` and docs/cli.md are made.
+/// An option of a verb as data, from which the parser, `--help`, the man pages, the completion of shells and docs/cli.md are made.
 struct Option {
   std::string name;   ///< "--family", or "JOB" for a positional argument
   std::string value;  ///< name of the value in the help: "FAMILY", "MM"; empty for a switch
@@ -19,6 +19,8 @@ struct Option {
   bool required = false;
   bool repeated = false;  ///< may be given several times (a positional one: takes all that follow)
   int values = 1;         ///< how many words it takes each time it is given
+  /// Its values where they are a known list, of which some may be names and others files (a scene): what a shell completes.
+  std::vector<std::string> domain = {};
 };
 
 /// What the user gave.
@@ -52,6 +54,9 @@ struct Verb {
 
 /// The table of verbs, in the order of the work they do.
 [[nodiscard]] const std::vector<Verb>& verbs();
+
+/// What every verb takes beside its own options.
+[[nodiscard]] const std::vector<Option>& common_options();
 
 Verb init_verb();
 Verb calibrate_verb();

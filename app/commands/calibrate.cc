@@ -8,6 +8,7 @@
 #include "app/steps_calibrate.h"
 #include "app/verb.h"
 #include "base/text.h"
+#include "markers/family.h"
 
 namespace crosstie::app {
 namespace {
@@ -201,20 +202,42 @@ Verb calibrate_verb() {
        {"--size", "WIDTHxHEIGHT", "with --corners: size of the images in pixels", false, false},
        {"--pattern", "COLUMNSxROWS", "inner corners, or dots, of the board", false, false},
        {"--pitch-mm", "MM", "distance of neighbouring corners", false, false},
-       {"--grid", "GRID", "chessboard (default), circles, asymmetric_circles, aprilgrid", false, false},
+       {"--grid",
+        "GRID",
+        "chessboard (default), circles, asymmetric_circles, aprilgrid",
+        false,
+        false,
+        1,
+        {"chessboard", "circles", "asymmetric_circles", "aprilgrid"}},
        {"--tag-mm", "MM", "of an AprilGrid: edge of a tag", false, false},
-       {"--family", "FAMILY", "of an AprilGrid: its tags (default apriltag:tag36h11)", false, false},
-       {"--board", "SHAPE", "free (default): its shape is estimated under a prior; rigid: it is taken as nominal", false,
-        false},
+       {"--family", "FAMILY", "of an AprilGrid: its tags (default apriltag:tag36h11)", false, false, 1,
+        markers::marker_family_names()},
+       {"--board",
+        "SHAPE",
+        "free (default): its shape is estimated under a prior; rigid: it is taken as nominal",
+        false,
+        false,
+        1,
+        {"free", "rigid"}},
        {"--board-sigma-mm", "MM", "the prior: scatter of each point's coordinates (default pitch / 250)", false, false},
        {"--bend-sigma-mm", "MM", "the prior: smooth bending (default 1/1000 of the diagonal)", false, false},
        {"--pitch-sigma-ppm", "PPM", "the prior: scale of the pitch (default 1000)", false, false},
-       {"--lens", "LENS", "pinhole, opencv4, opencv5, opencv8, opencv12 (default: chosen by cross-validation)", false, false},
-       {"--detector", "DETECTOR",
+       {"--lens",
+        "LENS",
+        "pinhole, opencv4, opencv5, opencv8, opencv12 (default: chosen by cross-validation)",
+        false,
+        false,
+        1,
+        lens_words()},
+       {"--detector",
+        "DETECTOR",
         "of a chessboard: classic, sb, or auto (default): what finds more; above 25 megapixels of images classic, compared "
         "with sb "
         "on a sample",
-        false, false},
+        false,
+        false,
+        1,
+        {"auto", "classic", "sb"}},
        {"--baseline-mm", "MM", "distance of the cameras as a drawing says; what contradicts it is refused", false, false},
        {"--sigma-px", "PX", "standard deviation of a corner's coordinate (default: told by the residuals)", false, false},
        {"--distance-mm", "MM", "working distance for which uncertainties are stated (default: the median one of the boards)",

@@ -134,24 +134,29 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
 }  // namespace
 
 Verb convert_verb() {
-  return {
-      "convert",
-      "turn files of one program into those of another",
-      "  $ crosstie convert results/adjust colmap\n"
-      "  in mm; COLMAP's files hold no covariances\n"
-      "  colmap\n"
-      "  $ crosstie convert tritop.obc tritop.csv\n"
-      "  tritop.csv",
-      {{"IN", "IN", "list of points (.csv, .txt, .obc), camera (.cameramodel, .yaml), result of adjust or COLMAP folder", true,
-        false},
-       {"OUT", "OUT",
-        "by its ending: .csv, .obc or .ply for points, .cameramodel or .yaml for a camera, no ending for a COLMAP folder", true,
-        false},
-       {"--binary", "", "write COLMAP's binary files (default: text)", false, false},
-       {"--unit", "UNIT", "mm, m or inch: of a list whose columns do not say, or of a COLMAP model (default mm)", false, false},
-       {"--camera", "NAME", "of a chain of kalibr (camchain.yaml) with several cameras: which one", false, false},
-       {"--force", "", "replace OUT where it exists", false, false}},
-      run};
+  return {"convert",
+          "turn files of one program into those of another",
+          "  $ crosstie convert results/adjust colmap\n"
+          "  in mm; COLMAP's files hold no covariances\n"
+          "  colmap\n"
+          "  $ crosstie convert tritop.obc tritop.csv\n"
+          "  tritop.csv",
+          {{"IN", "IN", "list of points (.csv, .txt, .obc), camera (.cameramodel, .yaml), result of adjust or COLMAP folder",
+            true, false},
+           {"OUT", "OUT",
+            "by its ending: .csv, .obc or .ply for points, .cameramodel or .yaml for a camera, no ending for a COLMAP folder",
+            true, false},
+           {"--binary", "", "write COLMAP's binary files (default: text)", false, false},
+           {"--unit",
+            "UNIT",
+            "mm, m or inch: of a list whose columns do not say, or of a COLMAP model (default mm)",
+            false,
+            false,
+            1,
+            {"mm", "m", "inch"}},
+           {"--camera", "NAME", "of a chain of kalibr (camchain.yaml) with several cameras: which one", false, false},
+           {"--force", "", "replace OUT where it exists", false, false}},
+          run};
 }
 
 }  // namespace crosstie::app

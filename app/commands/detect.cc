@@ -2,6 +2,7 @@
 
 #include "app/steps.h"
 #include "app/verb.h"
+#include "markers/family.h"
 
 namespace crosstie::app {
 namespace {
@@ -57,7 +58,8 @@ Verb detect_verb() {
       "  24 images, 1042 coded markers\n"
       "  found/result.json",
       {{"IMAGE", "IMAGE", "photographs (PNG, TIFF, BMP, PGM, JPEG) or patterns", true, true},
-       {"--family", "FAMILY", "ring10, aicon12/14/20, agisoft12/14/16/20, apriltag:tag36h11, ...", true, false},
+       {"--family", "FAMILY", "ring10, aicon12/14/20, agisoft12/14/16/20, apriltag:tag36h11, ...", true, false, 1,
+        markers::marker_family_names()},
        {"--ids", "IDS", "ids in use, such as 0-127 or 2-71,80 (default: all of the family); others are refused", false, true},
        {"--out", "DIR", "folder for observations.csv, overlays and report; replaced as a whole", true, false},
        {"--timings", "", "write the time each image took into the result (which then differs from run to run)", false, false}},

@@ -103,10 +103,14 @@ Verb edge_verb() {
       {{"JOB", "JOB", "job folder or its job.toml, after stitch", false, false},
        {"--scan", "DIR", "instead: folder of one scan's result; the edge is found in its rig's frame", false, false},
        {"--rig", "RIG", "the head where it does not lie any more where the scan found it, as scan --rig has it", false, false},
-       {"--nominal", "WORD",
+       {"--nominal",
+        "WORD",
         "circle, ellipse, oval, superellipse, or a file with the nominal's points in mm; it is fitted to the edge (default "
         "circle)",
-        false, false},
+        false,
+        false,
+        1,
+        {"circle", "ellipse", "oval", "superellipse"}},
        {"--roi", "U0,V0,U1,V1", "part of the left image in which the hole lies [px] (default: all of it)", false, false},
        {"--arc", "FROM,TO",
         "part of the rim [deg], by the angle in the left image about the middle of the region, from the right downwards "

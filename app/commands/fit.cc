@@ -172,11 +172,11 @@ Verb fit_verb() {
           "  diameter     mm              100.011          0.013          0.026\n"
           "  rms          mm               0.1288\n"
           "  form         mm               0.8392",
-          {{"SHAPE", "SHAPE", "line, plane, circle, sphere, cylinder or cone", true, false},
+          {{"SHAPE", "SHAPE", "line, plane, circle, sphere, cylinder or cone", true, false, 1, shape_names()},
            {"FILE", "FILE", "list of points, table, plain x y z text, NIST .ds or PLY", true, false},
            {"--columns", "NAMES", "the three columns of the coordinates, such as X,Y,Z; of files without a header 2,3,4", false,
             false},
-           {"--unit", "UNIT", "mm, m or inch, where the file does not say it", false, false},
+           {"--unit", "UNIT", "mm, m or inch, where the file does not say it", false, false, 1, {"mm", "m", "inch"}},
            {"--sigma-mm", "MM",
             "standard deviation of each coordinate of a point; default: the file's, else from the residuals", false, false},
            {"--radius-mm", "MM", "known radius of a circle, sphere or cylinder: it is held", false, false},

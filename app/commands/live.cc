@@ -87,7 +87,7 @@ Verb live_verb() {
                 "instead: the digital twin of a scene ({}, or FILE.toml), with cameras on 127.0.0.2 and 127.0.0.3; makes JOB "
                 "where it is missing",
                 fmt::join(fixtures::scene_names(), ", ")),
-            false, false},
+            false, false, 1, fixtures::scene_names()},
            {"--seed", "N", "with --twin: seed of all noise (default 1)", false, false},
            {"--port", "N", "of the page (default 8137; 0: any that is free)", false, false},
            {"--address", "ADDRESS",

@@ -103,30 +103,34 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
 }  // namespace
 
 Verb patterns_verb() {
-  return {
-      "patterns",
-      "make the images that a projector shows for a scan, with their manifest",
-      "  $ crosstie patterns --projector 1024x768 --period-px 16 --steps 8 --out patterns\n"
-      "  50 images of 1024 x 768 px\n"
-      "  patterns/patterns.json",
-      {{"--projector", "WxH", "size of the projector in pixels, such as 1920x1080", true, false},
-       {"--period-px", "PX",
-        "extent of a fringe in projector pixels (default 32); several, such as 16,17.5,21: no Gray code, the sets "
-        "tell the fringes together",
-        false, false},
-       {"--steps", "N", "images of each set of fringes, 3 to 64 (default 8)", false, false},
-       {"--direction", "AXIS",
-        "x (upright stripes), y (lying) or both (default): two directions test the calibration in every scan", false, false},
-       {"--no-inverse", "", "show no Gray code image with bright and dark exchanged", false, false},
-       {"--no-complementary", "", "Gray code words of whole fringes: an image less, but blurred edges can tell a wrong fringe",
-        false, false},
-       {"--no-repeat", "", "do not show the first patterns once more at the end, by which movement and changed light are told",
-        false, false},
-       {"--gamma", "NUMBER", "gamma of the projector, for which levels are corrected (default 1)", false, false},
-       {"--contrast", "NUMBER", "of the fringes, 0 to 1 (default 0.9)", false, false},
-       {"--exposures", "LIST", "relative exposure times of a series, such as 1,4,16 (default 1)", false, false},
-       {"--out", "DIR", "folder for the images (PNG) and patterns.json; replaced as a whole", true, false}},
-      run};
+  return {"patterns",
+          "make the images that a projector shows for a scan, with their manifest",
+          "  $ crosstie patterns --projector 1024x768 --period-px 16 --steps 8 --out patterns\n"
+          "  50 images of 1024 x 768 px\n"
+          "  patterns/patterns.json",
+          {{"--projector", "WxH", "size of the projector in pixels, such as 1920x1080", true, false},
+           {"--period-px", "PX",
+            "extent of a fringe in projector pixels (default 32); several, such as 16,17.5,21: no Gray code, the sets "
+            "tell the fringes together",
+            false, false},
+           {"--steps", "N", "images of each set of fringes, 3 to 64 (default 8)", false, false},
+           {"--direction",
+            "AXIS",
+            "x (upright stripes), y (lying) or both (default): two directions test the calibration in every scan",
+            false,
+            false,
+            1,
+            {"x", "y", "both"}},
+           {"--no-inverse", "", "show no Gray code image with bright and dark exchanged", false, false},
+           {"--no-complementary", "",
+            "Gray code words of whole fringes: an image less, but blurred edges can tell a wrong fringe", false, false},
+           {"--no-repeat", "",
+            "do not show the first patterns once more at the end, by which movement and changed light are told", false, false},
+           {"--gamma", "NUMBER", "gamma of the projector, for which levels are corrected (default 1)", false, false},
+           {"--contrast", "NUMBER", "of the fringes, 0 to 1 (default 0.9)", false, false},
+           {"--exposures", "LIST", "relative exposure times of a series, such as 1,4,16 (default 1)", false, false},
+           {"--out", "DIR", "folder for the images (PNG) and patterns.json; replaced as a whole", true, false}},
+          run};
 }
 
 }  // namespace crosstie::app

@@ -15,6 +15,7 @@
 #include "app/verb.h"
 #include "base/result_document.h"
 #include "base/text.h"
+#include "fixtures/scene.h"
 #include "report/plan_report.h"
 
 namespace crosstie::app {
@@ -198,7 +199,7 @@ Verb plan_verb() {
       "  $ crosstie plan machine --stations 7 --image-sigma-px 0.05 --out plan",
       {{"SCENE", "SCENE",
         fmt::format("a built-in scene ({}) or a scene description, FILE.toml", fmt::join(fixtures::scene_names(), ", ")), true,
-        false},
+        false, 1, fixtures::scene_names()},
        {"--stations", "N", "so many stations over the scene's travel (default: those of the scene)", false, false},
        {"--image-sigma-px", "PX", "standard deviation of a marker's image coordinate (default 0.03)", false, false},
        {"--corner-sigma-px", "PX", "standard deviation of a board corner's image coordinate (default 0.06)", false, false},

@@ -59,24 +59,30 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   return outcome;
 }
 
+std::vector<std::string> step_names() {
+  std::vector<std::string> names;
+  for (const JobStep& step : job_steps()) names.emplace_back(step.name);
+  return names;
+}
+
 }  // namespace
 
 Verb run_verb() {
-  return {
-      "run",
-      "do all that a job asks for, recomputing only what changed",
-      "  $ crosstie run cross\n"
-      "  detect  24 images, 1042 coded markers\n"
-      "  adjust  57 points (9 uncoded) from 24 images, sigma0 0.0025 px, redundancy 1974, 12 rejected, 2 warnings\n"
-      "  verify  44 points, RMS 0.0084 0.0071 0.0085 mm (x y z), deviation over predicted sigma 0.93; 0 of 9 uncoded have "
-      "a partner\n"
-      "  cross/results/index.html",
-      {{"JOB", "JOB", "job folder or its job.toml", true, false},
-       {"--to", "STEP", "only this step, such as adjust or commission, and what it needs (default: all of them)", false, false},
-       {"--out", "DIR", "folder for the results of all steps, DIR/<step>/ (default: JOB/results)", false, false},
-       {"--print-graph", "", "instead: print the steps with their files as a Snakefile, to be run in the job folder", false,
-        false}},
-      run};
+  return {"run",
+          "do all that a job asks for, recomputing only what changed",
+          "  $ crosstie run cross\n"
+          "  detect  24 images, 1042 coded markers\n"
+          "  adjust  57 points (9 uncoded) from 24 images, sigma0 0.0025 px, redundancy 1974, 12 rejected, 2 warnings\n"
+          "  verify  44 points, RMS 0.0084 0.0071 0.0085 mm (x y z), deviation over predicted sigma 0.93; 0 of 9 uncoded have "
+          "a partner\n"
+          "  cross/results/index.html",
+          {{"JOB", "JOB", "job folder or its job.toml", true, false},
+           {"--to", "STEP", "only this step, such as adjust or commission, and what it needs (default: all of them)", false,
+            false, 1, step_names()},
+           {"--out", "DIR", "folder for the results of all steps, DIR/<step>/ (default: JOB/results)", false, false},
+           {"--print-graph", "", "instead: print the steps with their files as a Snakefile, to be run in the job folder", false,
+            false}},
+          run};
 }
 
 }  // namespace crosstie::app

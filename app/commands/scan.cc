@@ -9,6 +9,7 @@
 #include "app/steps.h"
 #include "app/steps_scan.h"
 #include "app/verb.h"
+#include "markers/family.h"
 
 namespace crosstie::app {
 namespace {
@@ -159,7 +160,7 @@ Verb scan_verb() {
             "JOB/results/scan)",
             false, false},
            {"--family", "FAMILY", "markers on the wall, such as ring10: they are measured, and the points on them left out",
-            false, false},
+            false, false, 1, markers::marker_family_names()},
            {"--ids", "IDS", "ids of the markers in use, such as 0-127 (default: all of the family)", false, true},
            {"--thickness-mm", "MM", "from the wall to the plane of the markers' dots (default 0)", false, false},
            {"--dot-diameter-mm", "MM", "of the markers' dots (default: as their images show it)", false, false},

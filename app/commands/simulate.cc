@@ -42,7 +42,7 @@ Verb simulate_verb() {
           "  rehearsal/job.toml",
           {{"--scene", "SCENE",
             fmt::format("a built-in scene ({}) or a scene description, FILE.toml", fmt::join(fixtures::scene_names(), ", ")),
-            true, false},
+            true, false, 1, fixtures::scene_names()},
            {"--seed", "N", "seed of all noise (default 1)", false, false},
            {"--out", "JOB", "job folder to make; may exist, without a job.toml", true, false}},
           run};

@@ -161,18 +161,23 @@ Verb targets_verb() {
           "  20 ids; any two differ in at least 4 of 14 segments\n"
           "  sheet.pdf\n"
           "  20 markers on 2 pages; print at 100 % and measure the rulers",
-          {{"--family", "FAMILY", "ring10, aicon12/14/20, agisoft12/14/16/20, apriltag:tag36h11, ...", true, false},
+          {{"--family", "FAMILY", "ring10, aicon12/14/20, agisoft12/14/16/20, apriltag:tag36h11, ...", true, false, 1,
+            markers::marker_family_names()},
            {"--list", "", "one id and its code (decimal; first segment or cell = most significant bit) a line", false, false},
            {"--ids", "IDS", "ids such as 1-20 or 3,7,12 (default: all of the family)", false, true},
            {"--count", "N", "that many of the ids, chosen so that their codes lie far apart", false, false},
            {"--out", "FILE", "sheets to print, .pdf, or .svg with one file a page", false, false},
            {"--dot-diameter-mm", "MM", "diameter of the dots in mm (default 12)", false, false},
            {"--cell-mm", "MM", "side of the cells of AprilTags in mm (default 5)", false, false},
-           {"--page", "SIZE", "a4 (default), a3 or letter", false, false},
-           {"--polarity", "TONE",
+           {"--page", "SIZE", "a4 (default), a3 or letter", false, false, 1, {"a4", "a3", "letter"}},
+           {"--polarity",
+            "TONE",
             "white-on-black (dots of ring10 and of reflecting film; inverted AprilTags), black-on-white (print), or family "
             "(default): what the family demands, else black-on-white",
-            false, false}},
+            false,
+            false,
+            1,
+            {"family", "white-on-black", "black-on-white"}}},
           run};
 }
 
