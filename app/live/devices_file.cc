@@ -33,6 +33,7 @@ struct Wishes {
   bool watch = false;  ///< both are file patterns
   devices::CameraSettings settings;
   double timeout_s = 5.0;
+  double preview_hz = 10.0;
   std::string axis = "typed";
   std::optional<fs::path> axis_path;
   std::string axis_host;
@@ -81,7 +82,7 @@ void read_cameras(const JobTable& table, Wishes& wishes) {
                             : trigger == "hardware" ? devices::TriggerMode::kHardware
                                                     : devices::TriggerMode::kFreeRunning;
   table.text("trigger_line", wishes.settings.trigger_line);
-  table.number("frame_rate_hz", wishes.settings.frame_rate_hz);
+  table.number("preview_hz", wishes.preview_hz);
   whole(table, "width_px", wishes.settings.width_px);
   whole(table, "height_px", wishes.settings.height_px);
   table.number("timeout_s", wishes.timeout_s);
@@ -264,7 +265,9 @@ Result<OpenDevices> open_devices(const fs::path& file) {
   open.live.projector = open.projector.get();
   open.live.capture = {.settings = wishes->settings, .timeout_s = wishes->timeout_s};
   open.live.preview = wishes->settings;
-  open.live.preview.trigger = devices::TriggerMode::kFreeRunning;
+  open.live.preview_hz = wishes->preview_hz;
+  // The pulses of a hardware trigger come with the patterns.
+  if (open.live.preview.trigger == devices::TriggerMode::kHardware) open.live.preview.trigger = devices::TriggerMode::kFreeRunning;
   return open;
 }
 

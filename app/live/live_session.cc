@@ -72,7 +72,7 @@ struct LiveSession::Parts {
         devices(std::move(given)),
         feed(page),
         threads(with_threads),
-        pairs(*devices.pairs),
+        pairs(*devices.pairs, devices.preview_hz),
         watch(pairs, feed, job_markers(model->job())),
         taking([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }),
         computing([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }) {}

@@ -30,7 +30,8 @@ struct LiveDevices {
   double axis_max_age_s = 10.0;         ///< an older reading is refused; default: nobody drives the beam and forgets it within
   devices::PatternSequencer* projector = nullptr;  ///< none: nothing can be scanned
   PatternImages pattern_images = {};
-  devices::CameraSettings preview = {};  ///< while the operator looks
+  devices::CameraSettings preview = {};  ///< while the operator looks; best those of measuring images: changing them takes time
+  double preview_hz = 10.0;              ///< of pairs on a software trigger
   CaptureOptions capture = {};           ///< of measuring images
   /// Hears what the operator is told to do next: how many shots the stage has, and which station is next. Must not wait.
   std::function<void(LiveStage stage, int have, const std::string& station)> wanted = {};

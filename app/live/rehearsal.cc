@@ -59,7 +59,7 @@ Result<> TwinRehearsal::open(const std::string& scene_name, std::uint64_t seed, 
   if (!scene) return tl::unexpected(scene.error());
   std::error_code none;
   if (!fs::exists(job / "job.toml", none)) {
-    const fixtures::SimulateOptions options{.seed = seed, .threads = session.threads(), .photographs = false};
+    const fixtures::SimulateOptions options{.seed = seed, .threads = session.threads(), .head_photographs = false};
     if (auto made = fixtures::simulate(*scene, job, options, session.progress()); !made) return made;
   }
   auto twin = fixtures::TwinMachine::make(*scene, {.seed = seed, .threads = session.threads()}, session.progress());
@@ -102,16 +102,12 @@ LiveDevices TwinRehearsal::devices() {
     return images;
   };
   const std::shared_ptr<const fixtures::Irradiance> light = twin_->light(0);
-  constexpr double kPreview_hz = 10.0;  // two cameras expose their noise at it beside all other work
   live.capture.settings.width_px = light->width;
   live.capture.settings.height_px = light->height;
   live.capture.settings.format = twin_->sensor(0).bits > 8 ? devices::PixelFormat::kMono16 : devices::PixelFormat::kMono8;
   live.capture.settings.trigger = devices::TriggerMode::kSoftware;
   live.capture.timeout_s = 20.0;  // its light is computed
   live.preview = live.capture.settings;
-  live.preview.format = devices::PixelFormat::kMono8;
-  live.preview.trigger = devices::TriggerMode::kFreeRunning;
-  live.preview.frame_rate_hz = kPreview_hz;
   live.wanted = [this](LiveStage stage, int have, const std::string& station) { want(stage, have, station); };
   return live;
 }

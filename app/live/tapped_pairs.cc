@@ -13,11 +13,37 @@ using devices::CameraSettings;
 using devices::FramePair;
 using devices::HostTime;
 
+namespace {
+
+constexpr double kSlowTransfer_s = 1.0;  // after which a pair that was triggered is not waited for any more
+
+bool on_software_trigger(const std::optional<CameraSettings>& settings) {
+  return settings && settings->trigger == devices::TriggerMode::kSoftware;
+}
+
+bool same(const CameraSettings& a, const CameraSettings& b) {
+  return a.exposure_s == b.exposure_s && a.gain == b.gain && a.format == b.format && a.trigger == b.trigger &&
+         a.trigger_line == b.trigger_line && a.rising_edge == b.rising_edge && a.frame_rate_hz == b.frame_rate_hz &&
+         a.width_px == b.width_px && a.height_px == b.height_px;
+}
+
+}  // namespace
+
+TappedPairs::TappedPairs(devices::PairSource& source, double preview_hz)
+    : source_(&source), preview_hz_(preview_hz), trigger_([this](const std::stop_token& stop) { trigger_preview(stop); }) {}
+
+TappedPairs::~TappedPairs() {
+  trigger_.request_stop();
+  trigger_.join();
+  source_->stop();
+}
+
 Result<CameraSettings> TappedPairs::start(const CameraSettings& settings, devices::PairSink sink) {
   {
     const std::lock_guard lock(mutex_);
     sink_ = std::move(sink);
     wanted_ = settings;
+    measuring_ = false;
   }
   return run(settings);
 }
@@ -30,12 +56,13 @@ void TappedPairs::stop() {
 
 Result<> TappedPairs::measure(const CameraSettings& settings) {
   {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
     if (!running_) return base::fail(ErrorCode::kDevice, "the cameras do not run; connect them first");
+    measuring_ = true;
+    changed_.wait_for(lock, devices::to_nanoseconds(kSlowTransfer_s + running_->exposure_s), [this] { return !under_way_; });
+    under_way_ = false;
   }
-  source_->stop();
-  auto ran = run(settings);
-  return ran ? Result<>() : base::fail(std::move(ran));
+  return change_to(settings);
 }
 
 Result<> TappedPairs::preview() {
@@ -44,10 +71,39 @@ Result<> TappedPairs::preview() {
     const std::lock_guard lock(mutex_);
     wanted = wanted_;
   }
-  if (!wanted) return {};
+  Result<> changed = wanted ? change_to(*wanted) : Result<>();
+  const std::lock_guard lock(mutex_);
+  measuring_ = false;
+  changed_.notify_all();
+  return changed;
+}
+
+Result<> TappedPairs::change_to(const CameraSettings& settings) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (running_ && asked_ && same(*asked_, settings)) return {};
+  }
   source_->stop();
-  auto ran = run(*wanted);
+  auto ran = run(settings);
   return ran ? Result<>() : base::fail(std::move(ran));
+}
+
+/// Cameras that are triggered show what they see at the preview's rate, or as fast as pairs arrive.
+void TappedPairs::trigger_preview(const std::stop_token& stop) {
+  const auto period = devices::to_nanoseconds(1.0 / preview_hz_);
+  std::unique_lock lock(mutex_);
+  while (!stop.stop_requested()) {
+    if (!changed_.wait(lock, stop, [this] { return on_software_trigger(running_) && !measuring_; })) return;
+    const HostTime next = devices::host_now() + period;
+    under_way_ = true;
+    lock.unlock();
+    const bool sent = source_->trigger().has_value();  // a camera that is lost tells so through its sink
+    lock.lock();
+    if (sent)
+      changed_.wait_for(lock, stop, devices::to_nanoseconds(kSlowTransfer_s), [this] { return !under_way_ || measuring_; });
+    if (!measuring_) under_way_ = false;
+    changed_.wait_until(lock, stop, next, [this] { return measuring_; });
+  }
 }
 
 std::optional<CameraSettings> TappedPairs::settings() {
@@ -59,6 +115,9 @@ Result<CameraSettings> TappedPairs::run(const CameraSettings& settings) {
   auto took = source_->start(settings, [this](Result<FramePair> pair) { deliver(std::move(pair)); });
   const std::lock_guard lock(mutex_);
   running_ = took ? std::optional(*took) : std::nullopt;
+  asked_ = settings;
+  under_way_ = false;
+  changed_.notify_all();
   return took;
 }
 
@@ -67,11 +126,12 @@ void TappedPairs::deliver(Result<FramePair> pair) {
   {
     const std::lock_guard lock(mutex_);
     if (!pair) running_.reset();
+    under_way_ = false;
     const bool in_time = !pair || (after_ && pair->left.header.host_time > *after_ && pair->right.header.host_time > *after_);
     if (after_ && in_time && !taken_) {
       taken_ = pair;
-      changed_.notify_all();
     }
+    changed_.notify_all();
     sink = sink_;
   }
   if (sink) sink(std::move(pair));

@@ -4,6 +4,8 @@
 #include <condition_variable>
 #include <mutex>
 #include <optional>
+#include <stop_token>
+#include <thread>
 
 #include "base/progress.h"
 #include "base/result.h"
@@ -13,12 +15,13 @@ namespace crosstie::app {
 
 /// One source of pairs for two: every pair goes on to the preview, and the pairs that are wanted as measurements are kept here.
 ///
-/// While something is measured the cameras run on the trigger of the settings given to measure(), so that no exposure is older than
-/// the request; before and after they run as the preview started them.
+/// Cameras on a software trigger are triggered at the preview's rate while nobody measures, since cameras that run freely each by itself
+/// expose at different moments. measure() ends that and waits for what is under way, so that no exposure is older than the request.
 class TappedPairs : public devices::PairSource {
  public:
   /// The source outlives it.
-  explicit TappedPairs(devices::PairSource& source) : source_(&source) {}
+  TappedPairs(devices::PairSource& source, double preview_hz);
+  ~TappedPairs() override;
 
   base::Result<devices::CameraSettings> start(const devices::CameraSettings& settings, devices::PairSink sink) override;
   void stop() override;
@@ -26,7 +29,8 @@ class TappedPairs : public devices::PairSource {
   [[nodiscard]] std::array<devices::CameraState, 2> states() override { return source_->states(); }
   [[nodiscard]] devices::FramePairingCounts counts() override { return source_->counts(); }
 
-  /// Runs the cameras with these settings until preview() or the next measure(). Errors of the source; kDevice where they do not run.
+  /// The cameras run with these settings and are triggered by take() alone, until preview() or the next measure(). Errors of the source;
+  /// kDevice where they do not run.
   base::Result<> measure(const devices::CameraSettings& settings);
   /// Back to the preview's settings.
   base::Result<> preview();
@@ -38,17 +42,24 @@ class TappedPairs : public devices::PairSource {
   base::Result<devices::FramePair> take(devices::HostTime after, double timeout_s, const base::Progress& progress = {});
 
  private:
+  base::Result<> change_to(const devices::CameraSettings& settings);
   base::Result<devices::CameraSettings> run(const devices::CameraSettings& settings);
+  void trigger_preview(const std::stop_token& stop);
   void deliver(base::Result<devices::FramePair> pair);
 
   devices::PairSource* source_;
+  double preview_hz_;
   std::mutex mutex_;  ///< of all below
-  std::condition_variable changed_;
+  std::condition_variable_any changed_;
   devices::PairSink sink_;
   std::optional<devices::CameraSettings> wanted_;   ///< by the preview
-  std::optional<devices::CameraSettings> running_;  ///< as the cameras took them
+  std::optional<devices::CameraSettings> asked_;    ///< of the cameras that run
+  std::optional<devices::CameraSettings> running_;  ///< the same as they took them
+  bool measuring_ = false;
+  bool under_way_ = false;  ///< a pair that the preview triggered
   std::optional<devices::HostTime> after_;          ///< a pair is waited for
   std::optional<base::Result<devices::FramePair>> taken_;
+  std::jthread trigger_;  ///< last: ends before the rest
 };
 
 }  // namespace crosstie::app
