@@ -166,6 +166,15 @@ Eigen::MatrixXd MachineFrame::jacobian(double axis_mm) const {
   return derivatives;
 }
 
+std::optional<double> MachineFrame::term_sigma(std::size_t index) const {
+  constexpr Eigen::Index kBeforeTerms = 9;  // the pose, two directions, the scale
+  if (!axis.terms.at(index).in_frame) return std::nullopt;
+  const auto before = std::count_if(axis.terms.begin(), axis.terms.begin() + static_cast<std::ptrdiff_t>(index),
+                                    [](const ErrorMotion& term) { return term.in_frame; });
+  const Eigen::Index at = kBeforeTerms + static_cast<Eigen::Index>(before);
+  return at < cov.rows() ? std::optional(std::sqrt(std::max(0.0, cov(at, at)))) : std::nullopt;
+}
+
 HeadPose MachineFrame::straight_at(double axis_mm) const { return evaluate(*this, axis_mm, false); }
 
 std::string_view verdict_name(HeadCheck::Verdict verdict) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -153,6 +154,8 @@ struct MachineFrame {
   [[nodiscard]] Result<HeadPose> at(double axis_mm) const;
   /// Derivatives of the perturbation of at(axis_mm) by the parameters of `cov`, in their order: 6 x cov.rows().
   [[nodiscard]] Eigen::MatrixXd jacobian(double axis_mm) const;
+  /// Sigma of the value of axis.terms[index] beside everything else that is unknown [mm or rad]; nothing where the term takes no part.
+  [[nodiscard]] std::optional<double> term_sigma(std::size_t index) const;
   /// The pose on the straight axis, without error motions, anywhere; its covariance says nothing of them.
   [[nodiscard]] HeadPose straight_at(double axis_mm) const;
 };

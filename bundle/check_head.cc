@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "base/commissioning_layout.h"
 #include "bundle/detail/eccentricity.h"
 #include "bundle/detail/linear_estimate.h"
 #include "bundle/detail/rig_check.h"
@@ -51,30 +52,6 @@ struct Ray {
   Eigen::Matrix2d shape_px2;  ///< see detail::shape_of
 };
 
-/// Where things stand in Commissioning::covariance.
-struct Layout {
-  Index left = 0, left_size = 0, right = 0, right_size = 0, rig = 0, frame = 0, frame_size = 0, cross = 0, markers = 0;
-};
-
-Result<Layout> layout_of(const base::Commissioning& known) {
-  Layout at;
-  at.left_size = base::parameter_count(known.head.left.model());
-  at.right_size = base::parameter_count(known.head.right.model());
-  at.right = at.left_size;
-  at.rig = at.right + at.right_size;
-  at.frame = at.rig + 6;
-  at.frame_size = known.frame.cov.rows();
-  at.cross = at.frame + at.frame_size;
-  at.markers = at.cross + 7;
-  const Index size = at.markers + 3 * static_cast<Index>(known.markers.size());
-  if (at.frame_size < 9 || known.covariance.rows() != size || known.covariance.cols() != size ||
-      !known.covariance.allFinite()) {
-    return fail(ErrorCode::kBadInput,
-                "the commissioning's covariance does not belong to its head, axis and markers: run commission again");
-  }
-  return at;
-}
-
 /// The pair, linearised: residual = seen - predicted = by_rig * rig change + by_head * head change + noise of covariance `cov`.
 struct Linear {
   VectorXd residual;
@@ -93,7 +70,7 @@ HeadCheck::Test chi_square_test(std::string name, double value, int dof, double 
 
 class Check {
  public:
-  Check(const CheckInput& input, const CheckOptions& options, const Layout& layout)
+  Check(const CheckInput& input, const CheckOptions& options, const base::CommissioningLayout& layout)
       : input_(input), options_(options), known_(*input.commissioning), at_(layout) {}
 
   Result<HeadCheck> run();
@@ -113,7 +90,7 @@ class Check {
   const CheckInput& input_;
   const CheckOptions& options_;
   const base::Commissioning& known_;
-  const Layout at_;
+  const base::CommissioningLayout at_;
   std::vector<Ray> rays_;
   base::HeadPose predicted_;
   MatrixXd by_frame_;  ///< perturbation of machine_from_rig by the frame's parameters
@@ -484,7 +461,7 @@ Result<> CheckOptions::validate() const {
 Result<HeadCheck> check_head(const CheckInput& input, const CheckOptions& options) {
   if (auto valid = options.validate(); !valid) return fail(std::move(valid));
   if (input.commissioning == nullptr) return fail(ErrorCode::kUsage, "a check needs the result of a commissioning");
-  auto layout = layout_of(*input.commissioning);
+  auto layout = base::commissioning_layout(*input.commissioning);
   if (!layout) return fail(std::move(layout));
   return Check(input, options, *layout).run();
 }

@@ -86,10 +86,14 @@ Table spheres_table(const Commissioning& result) {
 
 Table terms_table(const Commissioning& result) {
   Table table;
-  table.columns = {"motion", "order", "unit", "coefficient", "sigma", "p", "significant"};
-  for (const base::ErrorMotion& term : result.frame.axis.terms) {
-    table.rows.push_back({term.name, std::to_string(term.order), term.angle ? "rad" : "mm", format_double(term.coefficient),
-                          format_double(term.sigma), format_double(term.p), term.significant ? "yes" : "no"});
+  table.columns = {"motion", "order", "unit", "coefficient", "sigma", "found", "found_sigma", "p", "significant"};
+  for (std::size_t i = 0; i < result.frame.axis.terms.size(); ++i) {
+    const base::ErrorMotion& term = result.frame.axis.terms[i];
+    const std::optional<double> sigma = result.frame.term_sigma(i);
+    table.rows.push_back({term.name, std::to_string(term.order), term.angle ? "rad" : "mm",
+                          sigma ? format_double(term.value) : std::string(), sigma ? format_double(*sigma) : std::string(),
+                          format_double(term.coefficient), format_double(term.sigma), format_double(term.p),
+                          term.significant ? "yes" : "no"});
   }
   return table;
 }

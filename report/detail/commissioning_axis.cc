@@ -34,13 +34,14 @@ std::string direction_table(const LinearAxis& axis) {
   return table.html();
 }
 
-std::string terms_table(const LinearAxis& axis) {
+std::string terms_table(const base::MachineFrame& frame) {
+  const LinearAxis& axis = frame.axis;
   HtmlTable table(
       fmt::format(
           "Error motions of the axis after ISO 230-1, each a Legendre polynomial over the travel, largest value equal to its "
-          "coefficient. p: how often a coefficient at least this large is found where there is none. Those with p below {} are "
-          "significant; the others take part in the axis near zero, with their uncertainty. The table shows what each test "
-          "saw.",
+          "coefficient. Coefficient and sigma are those of the axis, beside everything else that is unknown. Each was also tested alone, "
+          "beside the significant ones: p says how often a coefficient at least as large as the one found there is found where there "
+          "is none. Those with p below {} are significant; the others take part in the axis near zero, with their uncertainty.",
           plain(axis.level)),
       {{"Motion", "", "", false},
        {"What it is", "", "", false},
@@ -49,17 +50,24 @@ std::string terms_table(const LinearAxis& axis) {
        {"Sigma", ""},
        {"U", "", "k = 2"},
        {"Unit", "", "", false},
+       {"Found", "", "by its test"},
        {"p", ""},
        {"Significant", "", "", false}});
-  for (const ErrorMotion& term : axis.terms) {
+  for (std::size_t i = 0; i < axis.terms.size(); ++i) {
+    const ErrorMotion& term = axis.terms[i];
     const ShownMotion* shown = shown_motion(term.name);
     if (shown == nullptr) continue;
-    const double value = term.coefficient * shown->per_unit;
-    const double sigma = term.sigma * shown->per_unit;
+    const std::optional<double> joint = frame.term_sigma(i);
+    const double value = term.value * shown->per_unit;
+    const double sigma = joint.value_or(term.sigma) * shown->per_unit;
+    const double found = term.coefficient * shown->per_unit;
     const int decimals = decimals_for_sigma(sigma, 1);
+    const auto of_axis = [&](double number) {
+      return joint ? number_cell(fixed(number, decimals), number) : text_cell("\u2013", "muted");
+    };
     table.add_row({text_cell(term.name), text_cell(shown->name), number_cell(std::to_string(term.order), term.order),
-                   number_cell(fixed(value, decimals), value), number_cell(fixed(sigma, decimals), sigma),
-                   number_cell(fixed(2.0 * sigma, decimals), sigma), text_cell(shown->unit),
+                   of_axis(value), of_axis(sigma), of_axis(2.0 * sigma), text_cell(shown->unit),
+                   number_cell(fixed(found, decimals), found),
                    number_cell(significant(term.p, 2), term.p),
                    text_cell(term.significant ? "yes" : "no", term.significant ? "warning" : "muted")});
   }
@@ -149,7 +157,7 @@ std::string commissioning_axis_section(const CommissioningView& view) {
            : std::string("none shows")}};
   std::vector<std::string> plots;
   for (const ShownMotion& shown : kShownMotions) plots.push_back(motion_figure(view, shown));
-  return definition_list(facts) + direction_table(axis) + terms_table(axis) + figures(plots);
+  return definition_list(facts) + direction_table(axis) + terms_table(view.result.frame) + figures(plots);
 }
 
 }  // namespace crosstie::report::detail
