@@ -202,6 +202,7 @@ class Exchange final : public httplib::Server {
     set_field(response, "Content-Security-Policy", found->policy);
     // A report in its sandbox is of another origin, and shows pictures that lie beside it.
     response.headers.erase("Cross-Origin-Resource-Policy");
+    if (found->size == 0) return response.set_content("", found->type);  // the library gives such a provider no length
     const auto file = std::make_shared<ResultFile>(std::move(*found));
     response.set_content_provider(
         file->size, file->type, [file](std::size_t offset, std::size_t size, httplib::DataSink& sink) {
@@ -210,7 +211,6 @@ class Exchange final : public httplib::Server {
               ::pread(file->file.number(), bytes.data(), std::min(size, bytes.size()), static_cast<off_t>(offset));
           return count > 0 && sink.write(bytes.data(), static_cast<std::size_t>(count));
         });
-    if (file->size == 0) set_field(response, "Content-Type", file->type);
   }
 
   void command(const httplib::ContentReader& read, Response& response) {

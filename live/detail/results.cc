@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 using base::FileDescriptor;
 
-/// Names only, none of them hidden: neither "." nor ".." nor empty ones.
+/// Names only, none of them hidden: neither "." nor "..".
 bool plain(const fs::path& path) {
   return !path.empty() && path.is_relative() && std::all_of(path.begin(), path.end(), [](const fs::path& name) {
     const std::string& text = name.native();

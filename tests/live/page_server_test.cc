@@ -131,7 +131,7 @@ TEST_F(PageServerTest, ACommandsErrorReachesThePage) {
 
 TEST_F(PageServerTest, HeadIsGetWithoutTheBody) {
   PageServerOptions options;
-  options.max_clients = 1;
+  options.max_clients = 4;
   start(options);
   feed.state.publish("{\"sequence\": 1}");
   folder.write("report.html", "<p>report</p>");
@@ -144,7 +144,7 @@ TEST_F(PageServerTest, HeadIsGetWithoutTheBody) {
     EXPECT_EQ(head.field("Accept-Ranges"), "none") << path;
   }
   // Streams end at once and take no place.
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(ask(request("HEAD", "/events")).field("Content-Type"), "text/event-stream");
+  for (int i = 0; i < 6; ++i) EXPECT_EQ(ask(request("HEAD", "/events")).field("Content-Type"), "text/event-stream");
   EXPECT_EQ(ask(request("HEAD", "/camera/left")).status, 200);
   EXPECT_EQ(ask(request("HEAD", "/none")).status, 404);
   EXPECT_EQ(ask(request("HEAD", "/none")).body, "");

@@ -93,13 +93,13 @@ TEST_F(ResultsTest, NoWayLeadsOut) {
                            "/results/edge/report.html/",
                            "/results/edge/report.html/..",
                            "/results/%c0%ae%c0%ae/job.toml",
-                           "/results/./edge/report.html",
-                           "/results/edge//report.html"}) {
+                           "/results/./edge/report.html"}) {
     const auto answer = get(path);
     EXPECT_EQ(answer.status, 404) << path;
     EXPECT_EQ(answer.body.find("secret"), std::string::npos) << path;
     EXPECT_EQ(answer.body.find("root:"), std::string::npos) << path;
   }
+  EXPECT_EQ(get("/results/edge//report.html").body, "report");
   EXPECT_EQ(get("/results/edge%2freport.html").body, "report") << "an encoded slash is a slash";
 }
 
@@ -153,8 +153,8 @@ TEST_F(ResultsTest, LargeFilesAreNotLoaded) {
   client.send(request("GET", "/results/cloud.ply"));
   const std::string head = client.take_until("\r\n\r\n");
   EXPECT_NE(head.find("Content-Length: 67108864\r\n"), std::string::npos) << head;
-  std::uintmax_t received = client.bytes.size();
-  EXPECT_TRUE(client.bytes.starts_with("ply"));
+  EXPECT_EQ(client.take_size(3), "ply");
+  std::uintmax_t received = 3 + client.bytes.size();
   client.bytes.clear();
   while (received < kSize) {
     ASSERT_TRUE(client.read_size(1));
