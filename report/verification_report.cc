@@ -15,7 +15,7 @@ std::string verification_report(const base::Verification& verification, const Re
   if (!verification.points.empty()) {
     page.section("map", "Deviation map", detail::verification_plan_section(verification));
     page.scene("Deviations in 3D", detail::verification_scene(verification, detail::deviation_magnification(verification)),
-               "The 3D view needs JavaScript and WebGL. The deviation map above shows the same arrows.");
+               detail::paragraph("The 3D view needs JavaScript and WebGL. The deviation map above shows the same arrows.", "muted"));
   }
   page.section("lengths", "Test lengths", detail::verification_lengths_section(verification));
   page.section("points", "Points", detail::verification_points_section(verification));

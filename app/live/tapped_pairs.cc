@@ -45,6 +45,7 @@ Result<CameraSettings> TappedPairs::start(const CameraSettings& settings, device
     wanted_ = settings;
     measuring_ = false;
   }
+  source_->stop();  // also what is left of cameras that were lost
   return run(settings);
 }
 

@@ -154,7 +154,7 @@ void Page::scene(const std::string& heading, const std::string& scene_json, cons
       "view", heading,
       fmt::format(
           "<div class=\"viewer\" data-scene=\"scene\">{}</div>\n<script type=\"application/json\" id=\"scene\">{}</script>\n",
-          paragraph(fallback, "muted"), scene_json));
+          fallback, scene_json));
   has_scene_ = true;
 }
 

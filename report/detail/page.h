@@ -29,7 +29,8 @@ class Page {
   void first_section(const std::string& name, const std::string& heading, const std::string& content);
   /// Warnings of the result, beside those of the envelope.
   void warnings(const std::vector<base::Warning>& warnings);
-  /// The 3D view of this scene (JSON, see detail/scene.h). Without JavaScript `fallback` stands in its place.
+  /// The 3D view of this scene (JSON, see detail/scene.h). Without JavaScript `fallback`, finished markup, stands in its
+  /// place.
   void scene(const std::string& heading, const std::string& scene_json, const std::string& fallback);
 
   /// The finished page.

@@ -34,6 +34,7 @@ TEST(StitchingReport, IsWellFormedAndShowsEverySection) {
         "tangential", "not joined", "the marker was moved in between", "U\u00a0=\u00a0"}) {
     EXPECT_THAT(page, HasSubstr(text));
   }
+  EXPECT_THAT(page, testing::Not(HasSubstr("&lt;svg"))) << "a picture is shown, not its text";
   if (const char* file = std::getenv("CROSSTIE_REPORT_OUT")) std::ofstream(file) << page;
 }
 
