@@ -272,10 +272,15 @@ double EdgeDeviations::sigma_mm(std::size_t i, int row) const {
   return std::sqrt(cov_mm2[i](row, row) + (shared_mm.cols() > 0 ? shared_mm.row(at).squaredNorm() : 0.0));
 }
 
-double FormComponent::cov_mm2(double way_mm) const {
+double FormComponent::cov_mm2(double distance_mm) const {
+  constexpr double kMaternFalls = 2.904;  // (1 + a + a^2 / 3) exp(-a) is 1/e there
+  const auto correlation = [&](const Part& part) {
+    if (!(part.length_mm > 0.0)) return distance_mm > 0.0 ? 0.0 : 1.0;
+    const double a = kMaternFalls * distance_mm / part.length_mm;
+    return part.smooth ? (1.0 + a + a * a / 3.0) * std::exp(-a) : std::exp(-distance_mm / part.length_mm);
+  };
   double sum = 0.0;
-  for (const Part& part : parts)
-    sum += part.variance_mm2 * (part.length_mm > 0.0 ? std::exp(-way_mm / part.length_mm) : way_mm > 0.0 ? 0.0 : 1.0);
+  for (const Part& part : parts) sum += part.variance_mm2 * correlation(part);
   return sum;
 }
 

@@ -47,17 +47,19 @@ struct ForeignStretch {
   double most_u_mm = 0.0;                ///< the largest of their distances, with its sign: see EdgeDeviations
 };
 
-/// Form of a rim in one direction: a stationary process along it. A short rim hardly tells over which length a form is correlated, so that it is a mean over
-/// lengths, each as its likelihood says.
+/// Form of a rim in one direction: a stationary process along it. A short rim hardly tells over which length a form is correlated, nor how smooth it is, so
+/// that it is a mean over both, each as its likelihood says.
 struct FormComponent {
   struct Part {
     double variance_mm2 = 0.0;
     double length_mm = 0.0;  ///< over which its correlation falls to 1/e; 0: neighbours deviate independently
+    bool smooth =
+        false;  ///< true: Matern's process of order 5/2, as heat and springing leave it; false: exp(-d / length), as a torch does
   };
   std::vector<Part> parts = {};
 
-  /// Covariance of two points by their way along the rim.
-  [[nodiscard]] double cov_mm2(double way_mm) const;
+  /// Covariance of two points by their distance along the rim; round a closed one of length L by the chord (L / pi) sin(pi way / L).
+  [[nodiscard]] double cov_mm2(double distance_mm) const;
   [[nodiscard]] double sigma_mm() const;   ///< 0: none that noise does not explain
   [[nodiscard]] double length_mm() const;  ///< mean of the parts, by variance
 };
@@ -74,7 +76,7 @@ struct NominalFit {
   Nominal nominal;             ///< with the fitted sizes; a list without normals runs counter-clockwise as seen from the head
   base::Pose frame_from_hole;  ///< in the rim's frame
   /// Of [rotation rad, translation mm, sizes mm], the pose perturbed on the left as base::Pose has it: what each point has alone, what
-  /// they share, and the rim's form, which on another part of the rim would be another. A turn about the normal that nothing determines is
+  /// they share, and of a rim that is not closed its form, which on another part of the rim would be another. A turn about the normal that nothing determines is
   /// held and adds nothing.
   Eigen::MatrixXd covariance;
   bool turn_is_held = false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -15,18 +16,20 @@ namespace {
 
 constexpr double kChance = 0.01;  // of one rim without a form, as for rejections elsewhere
 constexpr std::size_t kMostPoints =
-    400;  // of which the process is estimated: every so many of a denser rim follow the same one
+    250;  // of which the process is estimated: every so many of a denser rim follow the same one
 constexpr std::size_t kLeastPoints = 8;
 constexpr double kLeastSigma = 0.02;  // of the rms deviation: less is nothing
 constexpr double kMostSigma = 20.0;
 constexpr double kGolden = 0.6180339887498949;
 constexpr int kGoldenSteps = 14;
-constexpr double kLongest = 0.5;  // of the rim: over a longer way a form is hardly told from another size
+constexpr double kLengthStep = 1.6;  // from one length to the next
+constexpr double kLongest = 0.5;     // of the rim: over a longer way a form is hardly told from another size
 
-/// Way along the rim between points, the short one round a closed rim.
-double way_mm(const base::EdgeCurve& rim, std::size_t i, std::size_t k) {
+/// Distance of points along the rim, as FormComponent has it: by the chord every correlation stays one round a closed rim.
+double distance_mm(const base::EdgeCurve& rim, std::size_t i, std::size_t k) {
   const double way = std::abs(rim.points[i].s_mm - rim.points[k].s_mm);
-  return rim.closed ? std::min(way, std::abs(rim.length_mm - way)) : way;
+  constexpr double kPi = std::numbers::pi;
+  return rim.closed ? std::abs(rim.length_mm / kPi * std::sin(kPi * way / rim.length_mm)) : way;
 }
 
 /// The deviations in one direction.
@@ -34,7 +37,7 @@ struct Direction {
   Eigen::VectorXd off_mm;   ///< with what the points share in it
   Eigen::MatrixXd basis;    ///< orthonormal, of the derivatives by the unknowns
   Eigen::MatrixXd cov_mm2;  ///< own and shared
-  Eigen::MatrixXd ways_mm;
+  Eigen::MatrixXd distances_mm;
 };
 
 Direction direction_of(const base::EdgeCurve& rim, const NominalProblem& problem, const NominalState& state,
@@ -56,7 +59,7 @@ Direction direction_of(const base::EdgeCurve& rim, const NominalProblem& problem
     if (causes > 0) direction.off_mm(i) -= shared.row(i).dot(state.shared);
     direction.cov_mm2(i, i) = linear.cov_mm2[k](row, row);
     for (Eigen::Index j = 0; j < n; ++j)
-      direction.ways_mm(i, j) = way_mm(rim, linear.points[k], linear.points[chosen[static_cast<std::size_t>(j)]]);
+      direction.distances_mm(i, j) = distance_mm(rim, linear.points[k], linear.points[chosen[static_cast<std::size_t>(j)]]);
   }
   direction.cov_mm2 += shared * shared.transpose();
   // Not all unknowns show in one direction; columns to one scale, for the rank.
@@ -88,9 +91,9 @@ double minus_two_log(const Direction& direction, double variance_mm2, const Eige
 }
 
 /// The variance that is best for given correlations, by golden section of its logarithm; the criterion there.
-FormComponent::Part best_variance(const Direction& direction, double length_mm, double rms_mm, double& least) {
-  const FormComponent unit{{{1.0, length_mm}}};
-  const Eigen::MatrixXd correlations = direction.ways_mm.unaryExpr([&](double way) { return unit.cov_mm2(way); });
+FormComponent::Part best_variance(const Direction& direction, double length_mm, bool smooth, double rms_mm, double& least) {
+  const FormComponent unit{{{1.0, length_mm, smooth}}};
+  const Eigen::MatrixXd correlations = direction.distances_mm.unaryExpr([&](double way) { return unit.cov_mm2(way); });
   const auto at = [&](double log_sigma) { return minus_two_log(direction, std::exp(2.0 * log_sigma), correlations); };
   double low = std::log(kLeastSigma * rms_mm), high = std::log(kMostSigma * rms_mm);
   double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
@@ -105,7 +108,7 @@ FormComponent::Part best_variance(const Direction& direction, double length_mm, 
     }
   }
   least = std::min(at_a, at_b);
-  return {std::exp(2.0 * (at_a < at_b ? a : b)), length_mm};
+  return {std::exp(2.0 * (at_a < at_b ? a : b)), length_mm, smooth};
 }
 
 FormComponent component_of(const Direction& direction, double length_mm, bool contradicts) {
@@ -114,15 +117,19 @@ FormComponent component_of(const Direction& direction, double length_mm, bool co
   const double rms_mm = std::sqrt(direction.off_mm.squaredNorm() / static_cast<double>(n));
   if (!(rms_mm > 0.0)) return {};
   std::vector<double> steps;
-  for (Eigen::Index i = 0; i + 1 < n; ++i) steps.push_back(direction.ways_mm(i, i + 1));
+  for (Eigen::Index i = 0; i + 1 < n; ++i) steps.push_back(direction.distances_mm(i, i + 1));
   const double spacing_mm = math::median(steps);
   FormComponent all;
   std::vector<double> criteria;
-  for (double length = 0.0; length <= kLongest * length_mm; length = length > 0.0 ? 1.5 * length : 0.5 * spacing_mm) {
-    all.parts.push_back(best_variance(direction, length, rms_mm, criteria.emplace_back()));
-    if (!(spacing_mm > 0.0)) break;
+  const auto add = [&](double length, bool smooth) {
+    all.parts.push_back(best_variance(direction, length, smooth, rms_mm, criteria.emplace_back()));
+  };
+  add(0.0, false);
+  if (spacing_mm > 0.0) {
+    for (double length = 0.5 * spacing_mm; length <= kLongest * length_mm; length *= kLengthStep) add(length, false);
+    for (double length = 2.0 * spacing_mm; length <= kLongest * length_mm; length *= kLengthStep) add(length, true);
   }
-  const double without = minus_two_log(direction, 0.0, direction.ways_mm);
+  const double without = minus_two_log(direction, 0.0, direction.distances_mm);
   const double least = *std::min_element(criteria.begin(), criteria.end());
   const double gain = without - least;
   if (!(gain > (contradicts ? 0.0 : math::chi_square_quantile(1.0 - kChance, 2.0)))) return {};
@@ -176,11 +183,15 @@ std::optional<Eigen::MatrixXd> covariance_with_form(const base::EdgeCurve& rim_w
     const FormComponent& component = row == 0 ? form.across : form.along_normal;
     if (component.parts.empty()) continue;
     for (Eigen::Index i = 0; i < n; ++i) {
+      const auto of = by_off.col(2 * i + row);
+      if (rim_with_form.closed) {
+        covariance -= component.cov_mm2(0.0) * of * of.transpose();
+        continue;
+      }
       for (Eigen::Index k = 0; k < i; ++k) {
-        const double way =
-            way_mm(rim_with_form, linear->points[static_cast<std::size_t>(i)], linear->points[static_cast<std::size_t>(k)]);
-        const double together = component.cov_mm2(way);
-        const Eigen::MatrixXd product = together * by_off.col(2 * i + row) * by_off.col(2 * k + row).transpose();
+        const double distance = distance_mm(rim_with_form, linear->points[static_cast<std::size_t>(i)],
+                                            linear->points[static_cast<std::size_t>(k)]);
+        const Eigen::MatrixXd product = component.cov_mm2(distance) * of * by_off.col(2 * k + row).transpose();
         covariance += product + product.transpose();
       }
     }

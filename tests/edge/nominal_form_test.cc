@@ -32,11 +32,11 @@ struct FormCase {
   Correlation correlation;
 };
 
-/// Half a bore: every fourth point has a sigma of 0.01 mm and the others 0.12; heights have 0.05. The form is drawn from a normal distribution with
+/// A share of a bore's rim: every fourth point has a sigma of 0.01 mm and the others 0.12; heights have 0.05. The form is drawn from a normal distribution with
 /// the whole covariance.
-EdgeCurve half_bore(const FormCase& form, std::mt19937_64& random) {
+EdgeCurve bore(const FormCase& form, double share, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
-  EdgeCurve edge = measured_rim(true_ellipse(kDiameter_mm, kDiameter_mm), some_pose(), kPoints, {}, random, 0.0, 0.0, 0.5);
+  EdgeCurve edge = measured_rim(true_ellipse(kDiameter_mm, kDiameter_mm), some_pose(), kPoints, {}, random, 0.0, 0.0, share);
   Eigen::MatrixXd cov(kPoints, kPoints);
   for (int i = 0; i < kPoints; ++i) {
     for (int k = 0; k < kPoints; ++k) {
@@ -84,11 +84,11 @@ struct Sampled {
   double normalised = 0.0, rms_mm = 0.0, plain_rms_mm = 0.0, found_share = 0.0, form_mm = 0.0, mean_mm = 0.0;
 };
 
-Sampled sampled(const FormCase& form, int seeds) {
+Sampled sampled(const FormCase& form, int seeds, double share = 0.5) {
   Sampled result;
   for (int seed = 0; seed < seeds; ++seed) {
     std::mt19937_64 random(static_cast<unsigned>(seed) + 4000U);
-    const EdgeCurve edge = half_bore(form, random);
+    const EdgeCurve edge = bore(form, share, random);
     const auto fit = fit_nominal(edge, {NominalKind::kCircle, {kDiameter_mm}},
                                  {.frame_from_hole = some_pose(), .leave_out_stretches = false});
     EXPECT_TRUE(fit.has_value());
@@ -126,6 +126,25 @@ TEST(NominalForm, SigmasOfADiameterHoldTheForm) {
     EXPECT_GT(s.normalised, 0.44) << form.name;
     EXPECT_GT(s.found_share, 0.95) << form.name;
     EXPECT_NEAR(s.form_mm, form.sigma_mm, 0.5 * form.sigma_mm) << form.name;
+  }
+}
+
+TEST(NominalForm, SigmasHoldTheWavesOfAHoleThatBent) {
+  // What heat does to a hole: two or three waves round it. Half of a rim shows one of two waves, which looks like another size and place: no
+  // estimate can tell, so that this is asked of three waves on half a rim and of both on a whole one, where they leave its size alone.
+  const auto waves = [](int count) { return [=](double way) { return std::cos(2.0 * count * way / kDiameter_mm); }; };
+  struct Case {
+    FormCase form;
+    double share;
+  };
+  const double scatter = 3.0 * std::sqrt(2.0 / kSeeds);
+  for (const Case& one : {Case{{"three waves, half of them seen", 0.2, waves(3)}, 0.5}, Case{{"two waves", 0.2, waves(2)}, 1.0},
+                          Case{{"three waves", 0.2, waves(3)}, 1.0}}) {
+    const Sampled s = sampled(one.form, kSeeds, one.share);
+    std::printf("%s: normalised %.2f, rms %.4f, form %.3f found in %.2f\n", one.form.name, s.normalised, s.rms_mm, s.form_mm,
+                s.found_share);
+    EXPECT_LT(s.normalised, 1.0 + scatter) << one.form.name;
+    EXPECT_GT(s.normalised, 0.44) << one.form.name;
   }
 }
 
