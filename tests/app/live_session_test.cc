@@ -188,11 +188,11 @@ TEST_F(LiveSessionTest, PairsOfTheBoardAreTakenRepeatedAndUndone) {
   ASSERT_TRUE(eventually([&] { return state()["can"]["repeat"] == true; }));
   EXPECT_EQ(state()["stages"][0]["have"], 1);
   cameras_.level = 80;
-  ASSERT_TRUE(command(R"({"command": "repeat"})"));
+  ASSERT_TRUE(eventually([&] { return command(R"({"command": "repeat"})").has_value(); }));
   ASSERT_TRUE(eventually([&] { return level_of(folder_ / "board/right/01.png") == 81; }));
   EXPECT_EQ(level_of(folder_ / "undone/001/board/left/01.png"), 70) << "what was taken before is kept";
-  ASSERT_TRUE(eventually([&] { return state()["can"]["undo"] == true; }));
-  ASSERT_TRUE(command(R"({"command": "undo"})"));
+  // The state is up to a tenth of a second old, and refuses nothing: the session does, as long as the pair is looked at.
+  ASSERT_TRUE(eventually([&] { return command(R"({"command": "undo"})").has_value(); }));
   EXPECT_FALSE(fs::exists(folder_ / "board/left/01.png"));
   EXPECT_EQ(level_of(folder_ / "undone/002/board/right/01.png"), 81);
   EXPECT_TRUE(eventually([&] { return state()["stages"][0]["have"] == 0; }));
