@@ -37,6 +37,7 @@ bool Worker::idle() const {
 std::optional<WorkStatus> Worker::status() const {
   const std::lock_guard lock(mutex_);
   std::optional<WorkStatus> status = running_;
+  if (!status && !waiting_.empty()) return WorkStatus{.what = waiting_.front().what};
   if (status) status->seconds = devices::seconds_between(since_, devices::host_now());
   return status;
 }

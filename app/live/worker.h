@@ -34,7 +34,7 @@ class Worker {
   void cancel();
   /// Whether nothing runs and nothing waits.
   [[nodiscard]] bool idle() const;
-  /// What runs now.
+  /// What runs now, or is about to.
   [[nodiscard]] std::optional<WorkStatus> status() const;
 
  private:
