@@ -109,12 +109,15 @@ TEST(Worker, DoesOneAfterTheOtherAndForgetsWhatIsCancelled) {
   });
   worker.add("two", [](const Progress&) -> Result<> { throw std::runtime_error("broken"); });
   ASSERT_TRUE(eventually([&] { return worker.idle(); }));
-  worker.add("three", [](const Progress& progress) {
+  std::atomic<bool> begun = false;
+  worker.add("three", [&](const Progress& progress) {
+    begun = true;
     while (!progress.cancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return Result<>(base::cancelled("three"));
   });
   worker.add("four", [](const Progress&) { return Result<>(); });
-  ASSERT_TRUE(eventually([&] { return worker.status() && worker.status()->what == "three"; }));
+  ASSERT_TRUE(eventually([&] { return begun.load(); }));
+  EXPECT_EQ(worker.status()->what, "three");
   worker.cancel();
   ASSERT_TRUE(eventually([&] { return worker.idle(); }));
   const std::lock_guard lock(mutex);
