@@ -46,7 +46,7 @@ struct Cameras {
   std::atomic<bool> held = false;
   devices::SimulatedCamera left{"left", [this](const auto&) { return exposed(0); }};
   devices::SimulatedCamera right{"right", [this](const auto&) { return exposed(1); }};
-  devices::CameraPair pair{left, right, {.max_host_skew_s = 0.5}};
+  devices::CameraPair pair{left, right, {.max_host_skew_s = 0.5, .max_device_skew_s = 1.0}};
 
   Result<base::Image> exposed(int more) const {
     while (held) std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -87,7 +87,7 @@ class Grid {
   private readonly wanted = drawing('rect', { class: 'wanted-cell', width: cell - 2, height: cell - 2 });
   private size = '';
 
-  constructor(private readonly side: string) {
+  constructor(private readonly side: Board['cell_side']) {
     this.root.append(this.caption, this.svg);
   }
 
@@ -102,15 +102,17 @@ class Grid {
       mark(number, 'class', seen > 2 ? 'light' : '');
       say(number, seen > 0 ? String(Math.min(99, seen)) : '');
     });
-    const [column, row] = board.cell ?? [-1, -1];
-    mark(this.wanted, 'visibility', board.cell ? 'visible' : 'hidden');
-    if (board.cell) {
+    // The wanted part is of one camera's image only.
+    const here = board.cell_side === this.side ? board.cell : null;
+    const [column, row] = here ?? [-1, -1];
+    mark(this.wanted, 'visibility', here ? 'visible' : 'hidden');
+    if (here) {
       mark(this.wanted, 'x', String(column * cell + 1));
       mark(this.wanted, 'y', String(row * cell + 1));
     }
-    const text = `${this.side}: ${covered} of ${this.cells.length}`;
+    const text = `${this.side === 'left' ? 'Left' : 'Right'}: ${covered} of ${this.cells.length}`;
     say(this.caption, text);
-    mark(this.svg, 'aria-label', `${text} parts of the image covered${board.cell ? `; wanted: column ${column + 1}, row ${row + 1}` : ''}`);
+    mark(this.svg, 'aria-label', `${text} parts of the image covered${here ? `; wanted: column ${column + 1}, row ${row + 1}` : ''}`);
   }
 
   private build(board: Board, size: string): void {
@@ -133,8 +135,8 @@ class Grid {
 const tiltWords: Record<string, string> = { left: 'left', right: 'right', up: 'up', down: 'down', rolled: 'rolled' };
 
 export class BoardPanel {
-  private readonly left = new Grid('Left');
-  private readonly right = new Grid('Right');
+  private readonly left = new Grid('left');
+  private readonly right = new Grid('right');
 
   constructor() {
     byId('board-grids').append(this.left.root, this.right.root);
@@ -149,8 +151,6 @@ export class BoardPanel {
     const told = state.instruction.toLowerCase().includes(board.wanted.toLowerCase().replace(/\.$/, ''));
     show(byId('board-wanted'), !told);
     say(byId('board-wanted'), board.wanted);
-    say(byId('board-seen'), board.seen ? 'The board is seen now.' : 'The board is not seen now.');
-    mark(byId('board-seen'), 'data-level', board.seen ? 'ok' : 'warning');
     this.left.update(board, board.left);
     this.right.update(board, board.right);
     say(byId('board-tilts'), `Tilted: ${Object.entries(board.tilts).map(([name, times]) => `${tiltWords[name] ?? name} ${times}`).join(', ')}`);

@@ -71,7 +71,7 @@ export interface Board {
   tilts: Record<string, number>;
   wanted: string;
   cell: [number, number] | null;
-  seen: boolean;
+  cell_side: Camera['side'];
 }
 
 export interface Station {

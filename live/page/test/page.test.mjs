@@ -48,6 +48,18 @@ const closing = async () => {
 };
 
 describe('commands', { concurrency: false }, () => {
+  test('the wanted part of the image is marked in that camera alone', async (t) => {
+    t.after(closing);
+    const { page } = await open();
+    const marked = () => page.$$eval('#board-grids .wanted-cell', (cells) => cells.map((one) => one.getAttribute('visibility')));
+    await put(page, { ...states.calibrate, board: { ...states.calibrate.board, cell: [7, 0], cell_side: 'right' } });
+    assert.deepEqual(await marked(), ['hidden', 'visible']);
+    await put(page, { ...states.calibrate, board: { ...states.calibrate.board, cell: [0, 5], cell_side: 'left' } });
+    assert.deepEqual(await marked(), ['visible', 'hidden']);
+    await put(page, { ...states.calibrate, board: { ...states.calibrate.board, cell: null, cell_side: 'left' } });
+    assert.deepEqual(await marked(), ['hidden', 'hidden']);
+  });
+
   test('the mouse posts exactly what the contract says', async (t) => {
     t.after(closing);
     const { page, complaints } = await open();

@@ -67,7 +67,7 @@ export function base(changes = {}) {
 
 const board = {
   columns: 8, rows: 6, left: Array.from({ length: 48 }, (_, i) => (i % 8 > 5 && i < 24 ? 0 : (i * 7) % 5)), right: Array.from({ length: 48 }, (_, i) => (i % 8 < 2 && i > 24 ? 0 : (i * 5) % 4)),
-  poses: 12, tilts: { left: 2, right: 1, up: 0, down: 3, rolled: 1 }, wanted: 'Tilt the board to the left, in the upper right corner of the image.', cell: [7, 0], seen: true,
+  poses: 12, tilts: { left: 2, right: 1, up: 0, down: 3, rolled: 1 }, wanted: 'Tilt the board to the left, in the upper right corner of the image.', cell: [7, 0], cell_side: 'right',
 };
 
 const resultVerdicts = [
@@ -83,7 +83,7 @@ const long = 'Donaudampfschifffahrtsgesellschaftskapitaensmuetzenhalterung '.rep
 export const states = {
   'calibrate-begin': base({
     stage: 'calibrate', instruction: 'Hold the board so that both cameras see it, and press Next.', frame: null, markers: [], needed: null, drift: [], stations: [],
-    board: { ...board, left: Array(48).fill(0), right: Array(48).fill(0), poses: 0, tilts: { left: 0, right: 0, up: 0, down: 0, rolled: 0 }, wanted: 'Hold the board in the middle of the image, upright.', cell: [3, 2], seen: false },
+    board: { ...board, left: Array(48).fill(0), right: Array(48).fill(0), poses: 0, tilts: { left: 0, right: 0, up: 0, down: 0, rolled: 0 }, wanted: 'Hold the board in the middle of the image, upright.', cell: [3, 2], cell_side: 'left' },
     can: { ...yes, next: false, repeat: false, undo: false, check: false },
     why_not: { ...noReason, next: 'the board is not seen by both cameras', repeat: 'nothing was taken yet', undo: 'nothing was taken yet', finish: '25 poses are needed, 0 are taken', check: 'the cameras are not calibrated' },
     health: { level: 'NONE', text: '' }, log: [], axis: { source: 'typed in', typed: true, position_mm: null, age_s: null, fresh: false, trouble: '' },
