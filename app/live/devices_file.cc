@@ -267,7 +267,8 @@ Result<OpenDevices> open_devices(const fs::path& file) {
   open.live.preview = wishes->settings;
   open.live.preview_hz = wishes->preview_hz;
   // The pulses of a hardware trigger come with the patterns.
-  if (open.live.preview.trigger == devices::TriggerMode::kHardware) open.live.preview.trigger = devices::TriggerMode::kFreeRunning;
+  if (open.live.preview.trigger == devices::TriggerMode::kHardware)
+    open.live.preview.trigger = devices::TriggerMode::kFreeRunning;
   return open;
 }
 

@@ -102,8 +102,13 @@ std::optional<GapStatus> gaps_of(const fs::path& results) {
 HealthStatus health_of(const fs::path& results) {
   const auto envelope = base::read_envelope(results / "check");
   if (!envelope) return {};
-  return {std::string(base::verdict_level_name(worst(envelope->verdicts))),
-          fmt::format("Last check of the head: {}", in_words(envelope->verdicts))};
+  const VerdictLevel level = worst(envelope->verdicts);
+  const auto failed = std::count_if(envelope->verdicts.begin(), envelope->verdicts.end(),
+                                    [](const Verdict& one) { return one.level != VerdictLevel::kOk; });
+  return {std::string(base::verdict_level_name(level)),
+          failed == 0 ? fmt::format("the head is as it was commissioned, by all {} tests", envelope->verdicts.size())
+                      : fmt::format("{} of {} tests say that the head is not as it was commissioned", failed,
+                                    envelope->verdicts.size())};
 }
 
 }  // namespace

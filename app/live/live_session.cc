@@ -92,6 +92,7 @@ struct LiveSession::Parts {
   Result<> take_board(const PairOfFiles& places, const Progress& progress);
   Result<> look_at_boards(const Progress& progress);
   Result<> want_pose();
+  Result<fs::path> put_shot_aside(LiveStage stage, const std::string& station, const PairOfFiles& places) const;
   Result<> take_station(const StationTask& task, const Progress& progress);
   Result<> expose(const StationTask& task, const Progress& progress);
   Result<> scan_one(const std::string& station, const Progress& progress);
@@ -233,6 +234,14 @@ Result<> LiveSession::Parts::expose(const StationTask& task, const Progress& pro
   return take_sequence(pairs, *devices.projector, *sequence, devices.capture, task.places(), progress);
 }
 
+/// A station's scan takes its result along, which would seem to be that of the next images.
+Result<fs::path> LiveSession::Parts::put_shot_aside(LiveStage stage, const std::string& station,
+                                                    const PairOfFiles& places) const {
+  std::vector<fs::path> paths = {places[0], places[1]};
+  if (stage == LiveStage::kScan) paths.push_back(model->results() / "scan" / station);
+  return put_aside(model->job().folder, paths);
+}
+
 Result<> LiveSession::Parts::take_station(const StationTask& task, const Progress& progress) {
   if (auto exposed = expose(task, progress); !exposed) return exposed;
   const Job job = model->job();
@@ -245,7 +254,7 @@ Result<> LiveSession::Parts::take_station(const StationTask& task, const Progres
   }
   // The reading first: images in their place always belong to the reading in the job.
   const PairOfFiles& places = task.places();
-  if (auto aside = put_aside(job.folder, {places[0], places[1]}); !aside) return base::fail(std::move(aside));
+  if (auto aside = put_shot_aside(task.stage, task.shots.name, places); !aside) return base::fail(std::move(aside));
   if (!task.read_already()) {
     if (auto written = write_station_axis(job.file, task.shots.name, task.reading.position_mm); !written) return written;
   }
@@ -343,7 +352,7 @@ Result<> LiveSession::Parts::next(bool again) {
 
 Result<> LiveSession::Parts::undo() {
   const auto last = model->last();
-  const auto aside = put_aside(model->job().folder, {last->places[0], last->places[1]});
+  const auto aside = put_shot_aside(last->stage, last->station, last->places);
   if (!aside) return tl::unexpected(aside.error());
   model->remember(std::nullopt);
   board.forget(last->places);

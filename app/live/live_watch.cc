@@ -16,6 +16,7 @@ using base::Result;
 
 constexpr std::array<const char*, 2> kSides = {"left", "right"};
 constexpr double kTemperaturePeriod_s = 5.0;
+constexpr int kMarkersOfAStation = 6;       // that both cameras see: four tell a pose, and two of them may be wrong
 constexpr std::size_t kTemperatures = 240;  // twenty minutes
 
 std::array<live::PreviewOptions, 2> preview_options(const std::optional<MarkerChoice>& markers) {
@@ -144,17 +145,20 @@ void LiveWatch::describe_markers(LiveStatus& status) const {
     shown.w = marker.w();
     status.markers.push_back(std::move(shown));
   }
-  if (!place_->tie || place_->tie->known.empty()) return;
-  NeededMarkers needed;
-  for (const live::KnownPoint& known : place_->tie->known) {
-    const bool seen = std::any_of(markers_.begin(), markers_.end(), [&](const live::SpatialMarker& marker) {
-      return marker.id == known.id && !marker.doubtful && marker.left && marker.right;
+  if (status.stage != LiveStage::kCommission || frame_.empty()) return;
+  const auto seen_by_both = [&](int id) {
+    return std::any_of(markers_.begin(), markers_.end(), [&](const live::SpatialMarker& marker) {
+      return marker.id == id && !marker.doubtful && marker.left && marker.right;
     });
-    ++needed.want;
-    needed.seen += seen ? 1 : 0;
-    if (!seen) needed.missing.push_back(known.id);
+  };
+  NeededMarkers needed{.want = kMarkersOfAStation};
+  for (const live::SpatialMarker& marker : markers_) needed.seen += seen_by_both(marker.id) ? 1 : 0;
+  if (needed.seen < needed.want && place_->tie) {
+    for (const live::KnownPoint& known : place_->tie->known) {
+      if (!seen_by_both(known.id)) needed.missing.push_back(known.id);
+    }
   }
-  if (needed.seen > 0) status.needed = std::move(needed);
+  status.needed = std::move(needed);
 }
 
 void LiveWatch::describe(LiveStatus& status) {

@@ -125,6 +125,8 @@ Result<fs::path> put_aside(const fs::path& job_folder, const std::vector<fs::pat
   fs::path aside;
   for (int number = 1; aside.empty() || is_there(aside); ++number) aside = job_folder / "undone" / fmt::format("{:03}", number);
   for (const fs::path& path : paths) {
+    std::error_code none;
+    if (fs::is_directory(path, none)) fs::remove(path, none);  // an empty one
     if (!is_there(path)) continue;
     const fs::path inside = path.lexically_relative(job_folder);
     if (inside.empty() || *inside.begin() == "..") {

@@ -41,7 +41,7 @@ struct StationShots {
 base::Result<std::vector<StationShots>> station_shots(const Job& job);
 
 /// Moves files and folders of a job into `undone/NUMBER/` in it, each under its path in the job, so that nothing that was taken is
-/// lost; what is not there is passed over. Returns the folder. Errors: kFileSystem, kUsage for a path outside of the job.
+/// lost; what is not there is passed over, and empty folders go. Returns the folder. Errors: kFileSystem, kUsage for a path outside of the job.
 base::Result<std::filesystem::path> put_aside(const std::filesystem::path& job_folder,
                                               const std::vector<std::filesystem::path>& paths);
 

@@ -139,26 +139,37 @@ void TappedPairs::deliver(Result<FramePair> pair) {
 }
 
 Result<FramePair> TappedPairs::take(HostTime after, double timeout_s, const base::Progress& progress) {
+  std::chrono::nanoseconds patience{};  // after which a trigger or a frame is taken for lost
   bool triggered = false;
   {
     const std::lock_guard lock(mutex_);
     if (!running_) return base::fail(ErrorCode::kDevice, "the cameras do not run; connect them first");
-    triggered = running_->trigger == devices::TriggerMode::kSoftware;
+    triggered = on_software_trigger(running_);
+    patience = devices::to_nanoseconds(kSlowTransfer_s + running_->exposure_s);
     after_ = after;
     taken_.reset();
   }
-  if (triggered) {
-    if (auto sent = source_->trigger(); !sent) return base::fail(std::move(sent));
-  }
   const HostTime end = devices::host_now() + devices::to_nanoseconds(timeout_s);
+  HostTime next_trigger = devices::host_now();
   std::unique_lock lock(mutex_);
-  while (!taken_ && devices::host_now() < end && !progress.cancelled())
+  while (!taken_ && devices::host_now() < end && !progress.cancelled()) {
+    if (triggered && devices::host_now() >= next_trigger) {
+      next_trigger = devices::host_now() + patience;
+      lock.unlock();
+      const auto sent = source_->trigger();
+      lock.lock();
+      if (!sent && !taken_) {
+        after_.reset();
+        return tl::unexpected(sent.error());
+      }
+    }
     changed_.wait_for(lock, std::chrono::milliseconds(50), [this] { return taken_.has_value(); });
+  }
   after_.reset();
   if (taken_) return *std::exchange(taken_, std::nullopt);
   if (progress.cancelled()) return base::cancelled("taking a pair");
-  return base::fail(ErrorCode::kDevice,
-                    fmt::format("no pair of images came within {:.1f} s{}", timeout_s, triggered ? " after the trigger" : ""));
+  return base::fail(ErrorCode::kDevice, fmt::format("no pair of images came within {:.1f} s{}", timeout_s,
+                                                    triggered ? ", triggered again and again" : ""));
 }
 
 }  // namespace crosstie::app

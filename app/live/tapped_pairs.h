@@ -37,8 +37,8 @@ class TappedPairs : public devices::PairSource {
   /// The settings that the cameras took for the preview; nothing while they do not run.
   [[nodiscard]] std::optional<devices::CameraSettings> settings();
 
-  /// The pair of the next exposure: with a software trigger the cameras are triggered now, else it is the first pair whose frames
-  /// arrive after `after`. Errors: kDevice where none came within `timeout_s` or the cameras are lost, kCancelled.
+  /// The pair of the next exposure: with a software trigger the cameras are triggered now, and again where a frame seems lost; else it is
+  /// the first pair whose frames arrive after `after`. Errors: kDevice where none came within `timeout_s` or the cameras are lost, kCancelled.
   base::Result<devices::FramePair> take(devices::HostTime after, double timeout_s, const base::Progress& progress = {});
 
  private:
@@ -56,8 +56,8 @@ class TappedPairs : public devices::PairSource {
   std::optional<devices::CameraSettings> asked_;    ///< of the cameras that run
   std::optional<devices::CameraSettings> running_;  ///< the same as they took them
   bool measuring_ = false;
-  bool under_way_ = false;  ///< a pair that the preview triggered
-  std::optional<devices::HostTime> after_;          ///< a pair is waited for
+  bool under_way_ = false;                  ///< a pair that the preview triggered
+  std::optional<devices::HostTime> after_;  ///< a pair is waited for
   std::optional<base::Result<devices::FramePair>> taken_;
   std::jthread trigger_;  ///< last: ends before the rest
 };

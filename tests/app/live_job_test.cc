@@ -148,6 +148,9 @@ TEST_F(ShotsTest, WhatIsPutAsideKeepsItsPathAndIsNeverOverwritten) {
     EXPECT_TRUE(fs::exists(*aside / "scan/a/left/00.png"));
     EXPECT_FALSE(fs::exists(folder_ / "board/left/01.png"));
   }
+  ASSERT_TRUE(base::make_folder(folder_ / "scan/b/left"));
+  ASSERT_TRUE(put_aside(folder_.path(), {folder_ / "scan/b/left"}));
+  EXPECT_FALSE(fs::exists(folder_ / "undone/003")) << "an empty folder is nothing that was taken";
   const auto outside = put_aside(folder_ / "board", {folder_ / "scan"});
   ASSERT_FALSE(outside);
   EXPECT_EQ(outside.error().code, ErrorCode::kUsage);

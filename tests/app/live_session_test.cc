@@ -44,12 +44,17 @@ bool eventually(const std::function<bool()>& holds, double timeout_s = 10.0) {
 struct Cameras {
   std::atomic<int> level = 50;
   std::atomic<bool> held = false;
+  std::atomic<int> losses = 0;  ///< of the right camera's next frames
   devices::SimulatedCamera left{"left", [this](const auto&) { return exposed(0); }};
   devices::SimulatedCamera right{"right", [this](const auto&) { return exposed(1); }};
   devices::CameraPair pair{left, right, {.max_host_skew_s = 0.5, .max_device_skew_s = 1.0}};
 
-  Result<base::Image> exposed(int more) const {
+  Result<base::Image> exposed(int more) {
     while (held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    if (more == 1 && losses > 0) {
+      --losses;
+      return base::fail(ErrorCode::kDevice, "lost on its way");
+    }
     base::Image image(kWidth, kHeight, 8);
     for (int y = 0; y < kHeight; ++y) std::fill_n(image.row<std::uint8_t>(y), kWidth, static_cast<std::uint8_t>(level + more));
     return image;
@@ -94,6 +99,18 @@ TEST(TappedPairs, ALostCameraEndsTheWaitAndMayBeStartedAgain) {
   ASSERT_TRUE(pairs.start(kTriggered, {}));
   ASSERT_TRUE(pairs.measure(kTriggered));
   EXPECT_TRUE(pairs.take(devices::host_now(), 5.0));
+}
+
+TEST(TappedPairs, ALostFrameIsExposedAgain) {
+  Cameras cameras;
+  TappedPairs pairs(cameras.pair, 50.0);
+  ASSERT_TRUE(pairs.start(kTriggered, {}));
+  ASSERT_TRUE(pairs.measure(kTriggered));
+  cameras.losses = 1;
+  const auto pair = pairs.take(devices::host_now(), 10.0);
+  ASSERT_TRUE(pair) << pair.error().message;
+  cameras.losses = 100;
+  EXPECT_FALSE(pairs.take(devices::host_now(), 1.5)) << "but not for ever";
 }
 
 TEST(Worker, DoesOneAfterTheOtherAndForgetsWhatIsCancelled) {

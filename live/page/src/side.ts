@@ -214,8 +214,9 @@ export class Stations {
   update(state: State, barred: string): void {
     this.barred = barred;
     show(byId('stations'), state.stations.length > 0);
-    const done = state.stations.filter((station) => (state.stage === 'scan' ? station.scan === 'done' || station.scan === 'taken' : station.cross === 'taken'));
-    say(byId('stations-count'), `${done.length} of ${state.stations.length} ${state.stage === 'scan' ? 'scanned' : 'with the cross'}`);
+    const wanted = state.stations.filter((station) => (state.stage === 'scan' ? station.scan : station.cross) !== 'none');
+    const done = wanted.filter((station) => (state.stage === 'scan' ? station.scan === 'done' || station.scan === 'taken' : station.cross === 'taken'));
+    say(byId('stations-count'), `${done.length} of ${wanted.length} ${state.stage === 'scan' ? 'scanned' : 'with the cross'}`);
     this.rows.update(state.stations, (station) => station.name);
   }
 }

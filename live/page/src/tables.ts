@@ -1,5 +1,5 @@
 import { Keyed, byId, drawing, element, mark, say, show } from './dom';
-import { figures, fixed } from './format';
+import { count, figures, fixed } from './format';
 import type { LogLine, Marker, State, Verdict } from './state';
 
 interface Row {
@@ -175,7 +175,7 @@ export class Drift {
     const least = Math.min(...values.map((value) => value.epipolar_px));
     const most = Math.max(...values.map((value) => value.epipolar_px));
     const last = values[values.length - 1]!;
-    const about = `${values.length} stations, ${fixed(least, 3)} to ${fixed(most, 3)} px; last ${fixed(last.epipolar_px, 3)} \u00b1 ${fixed(last.sigma_px, 3)} px at ${last.station}`;
+    const about = `${count(values.length, 'station', 'stations')}, ${fixed(least, 3)} to ${fixed(most, 3)} px; last ${fixed(last.epipolar_px, 3)} \u00b1 ${fixed(last.sigma_px, 3)} px at ${last.station}`;
     svg.setAttribute('aria-label', `Epipolar residual: ${about}`);
     byId('drift').replaceChildren(svg);
     say(words, about);
