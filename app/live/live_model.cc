@@ -82,6 +82,7 @@ Result<> LiveModel::reload() {
   known_head_ = std::move(known);
   stitching_ = std::move(stitching);
   rim_ = std::move(rim);
+  std::erase_if(patches_, [this](const auto& one) { return !facts_.scanned.contains(one.first); });
   ++scene_version_;
   return {};
 }

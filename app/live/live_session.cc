@@ -247,7 +247,9 @@ Result<> LiveSession::Parts::take_station(const StationTask& task, const Progres
   const Job job = model->job();
   const devices::AxisState after = devices.axis->state();
   const double sigma_mm = job.machine ? job.machine->axis_sigma_mm.value_or(0.0) : 0.0;
-  const double moved_mm = after.latest ? std::abs(after.latest->position_mm - task.reading.position_mm) : 0.0;
+  if (!after.latest)
+    return base::fail(ErrorCode::kDevice, "the axis tells no position any more; nothing was kept, take it again");
+  const double moved_mm = std::abs(after.latest->position_mm - task.reading.position_mm);
   if (moved_mm > same_stop_mm(sigma_mm)) {
     return base::fail(ErrorCode::kBadInput,
                       fmt::format("the beam moved by {:.3f} mm meanwhile; nothing was kept, take it again", moved_mm));

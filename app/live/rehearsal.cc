@@ -1,6 +1,7 @@
 #include "app/live/rehearsal.h"
 
 #include <array>
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -32,6 +33,24 @@ struct Errand {
   }
 };
 
+/// The axis as the operator may read it: not while the helper is under way.
+class WatchedAxis : public devices::AxisReader {
+ public:
+  WatchedAxis(devices::AxisReader& axis, const std::atomic<bool>& under_way) : axis_(&axis), under_way_(&under_way) {}
+  [[nodiscard]] devices::AxisState state() override {
+    devices::AxisState state = axis_->state();
+    if (*under_way_) {
+      state.latest.reset();
+      state.trouble = "the beam moves";
+    }
+    return state;
+  }
+
+ private:
+  devices::AxisReader* axis_;
+  const std::atomic<bool>* under_way_;
+};
+
 class TwinRehearsal : public Rehearsal {
  public:
   Result<> open(const std::string& scene_name, std::uint64_t seed, const fs::path& job, Session& session);
@@ -47,6 +66,8 @@ class TwinRehearsal : public Rehearsal {
   std::array<std::unique_ptr<devices::CameraDevice>, 2> cameras_;
   std::unique_ptr<devices::CameraPair> pairs_;
   std::unique_ptr<devices::AxisReader> axis_;
+  std::atomic<bool> under_way_ = false;
+  std::unique_ptr<WatchedAxis> watched_axis_;
   std::unique_ptr<devices::PatternSequencer> projector_;
   std::mutex mutex_;  ///< of the two below
   std::condition_variable_any changed_;
@@ -84,6 +105,7 @@ Result<> TwinRehearsal::open(const std::string& scene_name, std::uint64_t seed, 
   auto reader = devices::connect_tcp_axis(axis);
   if (!reader) return base::fail(std::move(reader));
   axis_ = *std::move(reader);
+  watched_axis_ = std::make_unique<WatchedAxis>(*axis_, under_way_);
   if (twin_->scene().projector) projector_ = fixtures::twin_projector(*twin_);
   helper_ = std::jthread([this](const std::stop_token& stop) { run_errands(stop); });
   return {};
@@ -92,7 +114,7 @@ Result<> TwinRehearsal::open(const std::string& scene_name, std::uint64_t seed, 
 LiveDevices TwinRehearsal::devices() {
   LiveDevices live;
   live.pairs = pairs_.get();
-  live.axis = axis_.get();
+  live.axis = watched_axis_.get();
   live.projector = projector_.get();
   live.pattern_images = [this](const base::PatternSequence& wanted) -> Result<std::vector<base::Image>> {
     const auto& options = twin_->scene().patterns;
@@ -129,6 +151,7 @@ void TwinRehearsal::want(LiveStage stage, int have, const std::string& station) 
   const std::lock_guard lock(mutex_);
   if (errand_ && *errand_ == errand) return;
   errand_ = errand;
+  under_way_ = true;
   changed_.notify_all();
 }
 
@@ -145,9 +168,11 @@ void TwinRehearsal::run_errands(const std::stop_token& stop) {
     progress.stop = stop;
     (void)twin_->lamps_on(progress);  // a scan leaves the projector as its last pattern
     // What the scene does not have is not brought: the page shows what stands there instead.
-    if (errand.axis_mm) (void)twin_->move_to(*errand.axis_mm, progress);
     (void)twin_->place(errand.place, progress);
+    if (errand.axis_mm) (void)twin_->move_to(*errand.axis_mm, progress);
     done = errand;
+    const std::lock_guard lock(mutex_);
+    if (*done == *errand_) under_way_ = false;
   }
 }
 
