@@ -316,7 +316,7 @@ Result<> LiveSession::Parts::check_head(double axis_mm, const PairOfFiles& place
   const fs::path results = model->results();
   const auto checked = check_head_step(job, task, results / "commission", results / "check", session);
   if (!checked) return tl::unexpected(checked.error());
-  for (const std::string& line : checked->lines) model->log(checked->step.outcome == Outcome::kOk ? "info" : "warning", line);
+  model->log(checked->step.outcome == Outcome::kOk ? "info" : "warning", "check of the head: " + checked->step.summary);
   return model->reload();
 }
 
