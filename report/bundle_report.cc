@@ -12,8 +12,10 @@ std::string bundle_report(const base::AdjustedNetwork& network, const ReportCont
   page.warnings(network.warnings);
   page.section("adjustment", "Adjustment", detail::bundle_adjustment_section(network));
   if (!network.points.empty()) {
-    page.scene("Network in 3D", detail::network_scene(network, detail::ellipse_magnification(network)),
-               detail::paragraph("The 3D view needs JavaScript and WebGL. The plan views below show the same points with their ellipses.", "muted"));
+    page.scene(
+        "Network in 3D", detail::network_scene(network, detail::ellipse_magnification(network)),
+        detail::paragraph(
+            "The 3D view needs JavaScript and WebGL. The plan views below show the same points with their ellipses.", "muted"));
     page.section("plan", "Points and their precision", detail::bundle_plan_section(network));
   }
   page.section("points", "Points", detail::bundle_points_section(network));

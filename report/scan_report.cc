@@ -263,9 +263,10 @@ std::string scan_report(const ScanSummary& scan, const ReportContext& context) {
                                              std::min(highest(scan.sigma_cells_mm), 3.0 * scan.sigma_p95_mm)),
                                       "Mean predicted sigma of a point along its viewing ray: the cameras' noise alone.")}));
   if (!scan.sample.empty()) {
-    page.scene(fmt::format("{} of the points in 3D", detail::counted(static_cast<std::int64_t>(scan.sample.size()))),
-               detail::cloud_scene(scan.sample),
-               detail::paragraph("The 3D view needs JavaScript and WebGL. The maps above show the same depths and sigmas.", "muted"));
+    page.scene(
+        fmt::format("{} of the points in 3D", detail::counted(static_cast<std::int64_t>(scan.sample.size()))),
+        detail::cloud_scene(scan.sample),
+        detail::paragraph("The 3D view needs JavaScript and WebGL. The maps above show the same depths and sigmas.", "muted"));
   }
   page.section("pixels", "Pixels", pixel_table(scan));
   if (scan.markers_wanted) page.section("markers", "Markers", marker_table(scan));

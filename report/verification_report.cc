@@ -14,8 +14,9 @@ std::string verification_report(const base::Verification& verification, const Re
   page.section("statistics", "Deviations", detail::verification_statistics_section(verification));
   if (!verification.points.empty()) {
     page.section("map", "Deviation map", detail::verification_plan_section(verification));
-    page.scene("Deviations in 3D", detail::verification_scene(verification, detail::deviation_magnification(verification)),
-               detail::paragraph("The 3D view needs JavaScript and WebGL. The deviation map above shows the same arrows.", "muted"));
+    page.scene(
+        "Deviations in 3D", detail::verification_scene(verification, detail::deviation_magnification(verification)),
+        detail::paragraph("The 3D view needs JavaScript and WebGL. The deviation map above shows the same arrows.", "muted"));
   }
   page.section("lengths", "Test lengths", detail::verification_lengths_section(verification));
   page.section("points", "Points", detail::verification_points_section(verification));

@@ -39,8 +39,10 @@ std::string terms_table(const base::MachineFrame& frame) {
   HtmlTable table(
       fmt::format(
           "Error motions of the axis after ISO 230-1, each a Legendre polynomial over the travel, largest value equal to its "
-          "coefficient. Coefficient and sigma are those of the axis, beside everything else that is unknown. Each was also tested alone, "
-          "beside the significant ones: p says how often a coefficient at least as large as the one found there is found where there "
+          "coefficient. Coefficient and sigma are those of the axis, beside everything else that is unknown. Each was also "
+          "tested alone, "
+          "beside the significant ones: p says how often a coefficient at least as large as the one found there is found where "
+          "there "
           "is none. Those with p below {} are significant; the others take part in the axis near zero, with their uncertainty.",
           plain(axis.level)),
       {{"Motion", "", "", false},
@@ -67,8 +69,7 @@ std::string terms_table(const base::MachineFrame& frame) {
     };
     table.add_row({text_cell(term.name), text_cell(shown->name), number_cell(std::to_string(term.order), term.order),
                    of_axis(value), of_axis(sigma), of_axis(2.0 * sigma), text_cell(shown->unit),
-                   number_cell(fixed(found, decimals), found),
-                   number_cell(significant(term.p, 2), term.p),
+                   number_cell(fixed(found, decimals), found), number_cell(significant(term.p, 2), term.p),
                    text_cell(term.significant ? "yes" : "no", term.significant ? "warning" : "muted")});
   }
   return table.html();

@@ -88,7 +88,8 @@ TEST_P(Sampled, NormalisedSquaresAreChiSquare) {
                              {1203.0, 502.0, 1551.0}};
   const Eigen::Index n = truth.parameter_count();
   Eigen::VectorXd sigma(n + 9);
-  sigma << head_sigmas(truth), Eigen::Vector3d::Constant(3e-5), Eigen::Vector3d::Constant(0.03), Eigen::Vector3d::Constant(0.02);
+  sigma << head_sigmas(truth), Eigen::Vector3d::Constant(3e-5), Eigen::Vector3d::Constant(0.03),
+      Eigen::Vector3d::Constant(0.02);
   Eigen::MatrixXd joint = correlated(sigma, random);
   if (!GetParam()) {
     joint.block(0, n, n, 9).setZero(), joint.block(n, 0, 9, n).setZero();
@@ -165,11 +166,11 @@ TEST(Spatial, WhoSeesWhat) {
   };
   using enum base::ObservationStatus;
   base::ImageObservations left, right;
-  left.observations = {with(1, left_px, kCoded), with(2, left_px, kCoded),     with(3, left_px, kAmbiguous),
-                       with(4, left_px, kCoded), with(5, left_px, kRefused),   with(base::kNoId, left_px, kUncoded),
+  left.observations = {with(1, left_px, kCoded), with(2, left_px, kCoded),   with(3, left_px, kAmbiguous),
+                       with(4, left_px, kCoded), with(5, left_px, kRefused), with(base::kNoId, left_px, kUncoded),
                        with(9, left_px, kCoded)};
-  right.observations = {with(1, right_px, kCoded), with(3, right_px, kCoded), with(4, right_px, kCoded), with(4, right_px, kCoded),
-                        with(8, right_px, kAmbiguous)};
+  right.observations = {with(1, right_px, kCoded), with(3, right_px, kCoded), with(4, right_px, kCoded),
+                        with(4, right_px, kCoded), with(8, right_px, kAmbiguous)};
   right.observations.push_back({.id = 9, .centre_px = right_px, .status = kCoded});  // no covariance
   const auto seen = locate_markers(head, left, right);
   ASSERT_TRUE(seen);
