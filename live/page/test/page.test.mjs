@@ -324,7 +324,8 @@ describe('what is shown', { concurrency: false }, () => {
     assert.match(await page.getAttribute('.histogram', 'aria-label'), /median \d+ % of white, 0\.1 % saturated, 2\.0 % dark/);
     assert.match(await page.getAttribute('#drift svg', 'aria-label'), /5 stations, 0\.029 to 0\.045 px/);
     await put(page, states.calibrate);
-    assert.match(await page.getAttribute('.coverage', 'aria-label'), /33 of 48 parts.*wanted: column 8, row 1/);
+    assert.match(await page.getAttribute('.coverage >> nth=0', 'aria-label'), /33 of 48 parts of the image covered$/);
+    assert.match(await page.getAttribute('.coverage >> nth=1', 'aria-label'), /of 48 parts.*wanted: column 8, row 1/);
     await put(page, states['commission-missing']);
     assert.match(await page.textContent('#axis-age'), /typed in, 2 min ago, too old/);
     await put(page, states['scan-working']);
