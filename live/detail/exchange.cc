@@ -152,6 +152,9 @@ class Exchange final : public httplib::Server {
           send_pictures(site_.feed.pictures.at(side), site_.stop, sink);
         });
         break;
+      case Target::Kind::kIcon:
+        response.status = 204;  // browsers ask for one; there is none
+        break;
       case Target::Kind::kResult:
         result(target.file, response);
         break;

@@ -36,6 +36,7 @@ std::optional<Target> target_of(std::string_view path) {
       std::pair{"/camera/left.jpg", Target{Kind::kPicture, 0}},
       std::pair{"/camera/right.jpg", Target{Kind::kPicture, 1}},
       std::pair{"/scene", Target{Kind::kScene}},
+      std::pair{"/favicon.ico", Target{Kind::kIcon}},
       std::pair{"/command", Target{Kind::kCommand}},
   };
   for (const auto& [known, target] : kPaths) {

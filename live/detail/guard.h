@@ -12,7 +12,7 @@ namespace crosstie::live::detail {
 
 /// What a path asks for.
 struct Target {
-  enum class Kind { kPage, kState, kEvents, kStream, kPicture, kScene, kResult, kCommand };
+  enum class Kind { kPage, kState, kEvents, kStream, kPicture, kScene, kIcon, kResult, kCommand };
   Kind kind = Kind::kPage;
   std::size_t side = 0;   ///< of kStream and kPicture: 0 left, 1 right
   std::string file = {};  ///< of kResult: the path within the results folder, not yet looked at

@@ -26,6 +26,7 @@ TEST_F(PageServerTest, ServesThePageWithAStrictPolicy) {
   EXPECT_EQ(answer.field("Content-Security-Policy"), detail::page_policy(detail::index_html()));
   EXPECT_EQ(answer.field("Content-Length"), std::to_string(answer.body.size()));
   EXPECT_EQ(get("/?window=2").status, 200);
+  EXPECT_EQ(get("/favicon.ico").status, 204) << "browsers ask for it; a 404 would be a complaint in their console";
 }
 
 TEST_F(PageServerTest, EveryAnswerForbidsCachingGuessingEmbeddingAndTellingOthers) {
