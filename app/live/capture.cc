@@ -145,15 +145,21 @@ Result<> take_sequence(TappedPairs& pairs, devices::PatternSequencer& projector,
 
 Result<> place(const PairOfFiles& places) {
   const PairOfFiles files = staged(places);
+  const auto cannot = [&](std::size_t side, const std::error_code& why) {
+    return base::fail(ErrorCode::kFileSystem, fmt::format("cannot put {} to {}: {}", base::shown(files[side]),
+                                                          base::shown(places[side]), why.message()));
+  };
+  // Both are looked at before one of them is moved.
+  for (const std::size_t side : kSides) {
+    std::error_code none;
+    if (!fs::exists(files[side], none)) return cannot(side, std::make_error_code(std::errc::no_such_file_or_directory));
+    if (fs::is_directory(places[side], none)) fs::remove(places[side], none);  // an empty one
+    if (fs::exists(places[side], none)) return cannot(side, std::make_error_code(std::errc::file_exists));
+  }
   for (const std::size_t side : kSides) {
     std::error_code failed;
-    if (fs::is_directory(places[side], failed)) fs::remove(places[side], failed);  // an empty one
-    if (fs::exists(places[side], failed)) failed = std::make_error_code(std::errc::file_exists);
-    if (!failed) fs::rename(files[side], places[side], failed);
-    if (failed) {
-      return base::fail(ErrorCode::kFileSystem, fmt::format("cannot put {} to {}: {}", base::shown(files[side]),
-                                                            base::shown(places[side]), failed.message()));
-    }
+    fs::rename(files[side], places[side], failed);
+    if (failed) return cannot(side, failed);
   }
   std::error_code none;
   for (const fs::path& file : files) fs::remove(file.parent_path(), none);  // where nothing else is being taken
