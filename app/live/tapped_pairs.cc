@@ -43,7 +43,7 @@ Result<CameraSettings> TappedPairs::start(const CameraSettings& settings, device
     const std::lock_guard lock(mutex_);
     sink_ = std::move(sink);
     wanted_ = settings;
-    measuring_ = false;
+    measuring_ = lost_ = false;
   }
   source_->stop();  // also what is left of cameras that were lost
   return run(settings);
@@ -60,17 +60,24 @@ Result<> TappedPairs::measure(const CameraSettings& settings) {
     std::unique_lock lock(mutex_);
     if (!running_) return base::fail(ErrorCode::kDevice, "the cameras do not run; connect them first");
     measuring_ = true;
-    changed_.wait_for(lock, devices::to_nanoseconds(kSlowTransfer_s + running_->exposure_s), [this] { return !under_way_; });
-    under_way_ = false;
+    await_pairs(lock);
   }
   return change_to(settings);
+}
+
+/// Waits for pairs that were triggered; those that do not come in time are lost. Call with the mutex held while the cameras run.
+void TappedPairs::await_pairs(std::unique_lock<std::mutex>& lock, const base::Progress& progress) {
+  const HostTime end = devices::host_now() + devices::to_nanoseconds(kSlowTransfer_s + running_->exposure_s);
+  while (running_ && under_way_ > 0 && devices::host_now() < end && !progress.cancelled())
+    changed_.wait_for(lock, std::chrono::milliseconds(50), [this] { return under_way_ == 0 || !running_; });
+  if (!progress.cancelled()) under_way_ = 0;
 }
 
 Result<> TappedPairs::preview() {
   std::optional<CameraSettings> wanted;
   {
     const std::lock_guard lock(mutex_);
-    wanted = wanted_;
+    if (!lost_) wanted = wanted_;
   }
   Result<> changed = wanted ? change_to(*wanted) : Result<>();
   const std::lock_guard lock(mutex_);
@@ -96,13 +103,13 @@ void TappedPairs::trigger_preview(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     if (!changed_.wait(lock, stop, [this] { return on_software_trigger(running_) && !measuring_; })) return;
     const HostTime next = devices::host_now() + period;
-    under_way_ = true;
+    ++under_way_;
     lock.unlock();
     const bool sent = source_->trigger().has_value();  // a camera that is lost tells so through its sink
     lock.lock();
     if (sent)
-      changed_.wait_for(lock, stop, devices::to_nanoseconds(kSlowTransfer_s), [this] { return !under_way_ || measuring_; });
-    if (!measuring_) under_way_ = false;
+      changed_.wait_for(lock, stop, devices::to_nanoseconds(kSlowTransfer_s), [this] { return under_way_ == 0 || measuring_; });
+    if (!measuring_ || !sent) under_way_ = 0;
     changed_.wait_until(lock, stop, next, [this] { return measuring_; });
   }
 }
@@ -117,7 +124,7 @@ Result<CameraSettings> TappedPairs::run(const CameraSettings& settings) {
   const std::lock_guard lock(mutex_);
   running_ = took ? std::optional(*took) : std::nullopt;
   asked_ = settings;
-  under_way_ = false;
+  under_way_ = 0;
   changed_.notify_all();
   return took;
 }
@@ -126,8 +133,11 @@ void TappedPairs::deliver(Result<FramePair> pair) {
   devices::PairSink sink;
   {
     const std::lock_guard lock(mutex_);
-    if (!pair) running_.reset();
-    under_way_ = false;
+    if (!pair) {
+      running_.reset();
+      lost_ = true;
+    }
+    if (under_way_ > 0) --under_way_;
     const bool in_time = !pair || (after_ && pair->left.header.host_time > *after_ && pair->right.header.host_time > *after_);
     if (after_ && in_time && !taken_) {
       taken_ = pair;
@@ -142,10 +152,13 @@ Result<FramePair> TappedPairs::take(HostTime after, double timeout_s, const base
   std::chrono::nanoseconds patience{};  // after which a trigger or a frame is taken for lost
   bool triggered = false;
   {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
     if (!running_) return base::fail(ErrorCode::kDevice, "the cameras do not run; connect them first");
+    if (on_software_trigger(running_)) await_pairs(lock, progress);  // of a trigger that was repeated
+    if (!running_) return base::fail(ErrorCode::kDevice, "the cameras are lost; connect them again");
     triggered = on_software_trigger(running_);
     patience = devices::to_nanoseconds(kSlowTransfer_s + running_->exposure_s);
+    if (running_->trigger == devices::TriggerMode::kFreeRunning) after += devices::to_nanoseconds(running_->exposure_s);
     after_ = after;
     taken_.reset();
   }
@@ -155,6 +168,7 @@ Result<FramePair> TappedPairs::take(HostTime after, double timeout_s, const base
   while (!taken_ && devices::host_now() < end && !progress.cancelled()) {
     if (triggered && devices::host_now() >= next_trigger) {
       next_trigger = devices::host_now() + patience;
+      ++under_way_;
       lock.unlock();
       const auto sent = source_->trigger();
       lock.lock();

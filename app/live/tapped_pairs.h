@@ -32,19 +32,22 @@ class TappedPairs : public devices::PairSource {
   /// The cameras run with these settings and are triggered by take() alone, until preview() or the next measure(). Errors of the source;
   /// kDevice where they do not run.
   base::Result<> measure(const devices::CameraSettings& settings);
-  /// Back to the preview's settings.
+  /// Back to the preview's settings; cameras that are lost stay so until start().
   base::Result<> preview();
   /// The settings that the cameras took for the preview; nothing while they do not run.
   [[nodiscard]] std::optional<devices::CameraSettings> settings();
 
-  /// The pair of the next exposure: with a software trigger the cameras are triggered now, and again where a frame seems lost; else it is
-  /// the first pair whose frames arrive after `after`. Errors: kDevice where none came within `timeout_s` or the cameras are lost, kCancelled.
+  /// The pair of the next exposure: with a software trigger the cameras are triggered now, as soon as no pair of an earlier trigger is
+  /// under way, and again where none arrives; with a hardware trigger it is the first pair that is complete after `after`, of cameras
+  /// that run freely the first one that is so by its exposure time or more, since one before began to be exposed earlier.
+  /// Errors: kDevice where none came within `timeout_s` or the cameras are lost, kCancelled.
   base::Result<devices::FramePair> take(devices::HostTime after, double timeout_s, const base::Progress& progress = {});
 
  private:
   base::Result<> change_to(const devices::CameraSettings& settings);
   base::Result<devices::CameraSettings> run(const devices::CameraSettings& settings);
   void trigger_preview(const std::stop_token& stop);
+  void await_pairs(std::unique_lock<std::mutex>& lock, const base::Progress& progress = {});
   void deliver(base::Result<devices::FramePair> pair);
 
   devices::PairSource* source_;
@@ -55,8 +58,9 @@ class TappedPairs : public devices::PairSource {
   std::optional<devices::CameraSettings> wanted_;   ///< by the preview
   std::optional<devices::CameraSettings> asked_;    ///< of the cameras that run
   std::optional<devices::CameraSettings> running_;  ///< the same as they took them
+  bool lost_ = false;                               ///< until start(): who looks at the pictures was told so
   bool measuring_ = false;
-  bool under_way_ = false;                  ///< a pair that the preview triggered
+  int under_way_ = 0;                       ///< pairs that were triggered and did not arrive yet
   std::optional<devices::HostTime> after_;  ///< a pair is waited for
   std::optional<base::Result<devices::FramePair>> taken_;
   std::jthread trigger_;  ///< last: ends before the rest
