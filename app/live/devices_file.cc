@@ -37,7 +37,7 @@ struct Wishes {
   std::string axis = "typed";
   std::optional<fs::path> axis_path;
   std::string axis_host;
-  std::optional<double> axis_port;
+  int axis_port = 0;
   devices::SerialAxisOptions serial;
   devices::AxisDialogue dialogue;
   std::optional<double> axis_max_age_s;
@@ -61,8 +61,8 @@ void whole(const JobTable& table, const char* key, int& value) {
 }
 
 void read_cameras(const JobTable& table, Wishes& wishes) {
-  table.check_keys("cameras", {"kind", "left", "right", "exposure_s", "gain", "format", "trigger", "trigger_line",
-                               "frame_rate_hz", "width_px", "height_px", "timeout_s"});
+  table.check_keys("cameras", {"kind", "left", "right", "exposure_s", "gain", "format", "trigger", "trigger_line", "preview_hz",
+                               "width_px", "height_px", "timeout_s"});
   std::string kind = "genicam";
   table.word("kind", {"genicam", "folders"}, kind);
   wishes.watch = kind == "folders";
@@ -78,11 +78,16 @@ void read_cameras(const JobTable& table, Wishes& wishes) {
   }
   std::string trigger = wishes.watch ? "none" : "software";
   table.word("trigger", {"software", "hardware", "none"}, trigger);
+  if (wishes.watch && trigger != "none")
+    table.complain("trigger", "other software triggers the cameras whose files are watched: trigger = \"none\"");
   wishes.settings.trigger = trigger == "software"   ? devices::TriggerMode::kSoftware
                             : trigger == "hardware" ? devices::TriggerMode::kHardware
                                                     : devices::TriggerMode::kFreeRunning;
   table.text("trigger_line", wishes.settings.trigger_line);
-  table.number("preview_hz", wishes.preview_hz);
+  std::optional<double> preview_hz;
+  table.number("preview_hz", preview_hz);
+  if (preview_hz) wishes.preview_hz = *preview_hz;
+  if (preview_hz && trigger != "software") wishes.settings.frame_rate_hz = *preview_hz;  // their own clock keeps the rate
   whole(table, "width_px", wishes.settings.width_px);
   whole(table, "height_px", wishes.settings.height_px);
   table.number("timeout_s", wishes.timeout_s);
@@ -94,7 +99,9 @@ void read_axis(const JobTable& table, Wishes& wishes) {
   table.word("kind", {"typed", "file", "tcp", "serial"}, wishes.axis);
   table.path("path", wishes.axis_path);
   table.text("host", wishes.axis_host);
-  table.number("port", wishes.axis_port);
+  whole(table, "port", wishes.axis_port);
+  constexpr int kMostPort = 65535;
+  if (wishes.axis_port > kMostPort) table.complain("port", "a port is 1 to 65535");
   std::optional<fs::path> device;
   table.path("device", device);
   if (device) wishes.serial.device = *device;
@@ -117,7 +124,7 @@ void read_axis(const JobTable& table, Wishes& wishes) {
   table.number("period_s", wishes.dialogue.period_s);
   table.number("max_age_s", wishes.axis_max_age_s);
   if (wishes.axis == "file" && !wishes.axis_path) table.complain("kind", "an axis that is a file needs path");
-  if (wishes.axis == "tcp" && (wishes.axis_host.empty() || !wishes.axis_port))
+  if (wishes.axis == "tcp" && (wishes.axis_host.empty() || wishes.axis_port == 0))
     table.complain("kind", "an axis over TCP needs host and port");
   if (wishes.axis == "serial" && !device) table.complain("kind", "an axis on a serial port needs device");
 }
@@ -178,9 +185,7 @@ Result<std::unique_ptr<devices::AxisReader>> open_axis(const Wishes& wishes) {
   if (wishes.axis == "file")
     return devices::read_axis_file({.path = wishes.resolve(*wishes.axis_path), .line = wishes.dialogue.line});
   if (wishes.axis == "tcp") {
-    constexpr double kMostPort = 65535.0;
-    const int port = *wishes.axis_port <= kMostPort ? static_cast<int>(*wishes.axis_port) : 0;
-    return devices::connect_tcp_axis({.host = wishes.axis_host, .port = port, .dialogue = wishes.dialogue});
+    return devices::connect_tcp_axis({.host = wishes.axis_host, .port = wishes.axis_port, .dialogue = wishes.dialogue});
   }
   devices::SerialAxisOptions serial = wishes.serial;
   serial.dialogue = wishes.dialogue;
