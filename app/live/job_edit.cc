@@ -17,9 +17,11 @@ using base::Result;
 
 constexpr std::size_t kMaxJobBytes = std::size_t{1} << 20;
 
-/// Where a position begins that TOML's parser tells by line and column, both from 1; columns count characters, not bytes.
+/// Where a position begins that TOML's parser tells by line and column, both from 1; columns count characters, not bytes, and a byte
+/// order mark is none.
 std::size_t offset_of(std::string_view text, const toml::source_position& position) {
-  std::size_t at = 0;
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  std::size_t at = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
   for (toml::source_index line = 1; line < position.line && at < text.size(); ++line) {
     const std::size_t end = text.find('\n', at);
     at = end == std::string_view::npos ? text.size() : end + 1;

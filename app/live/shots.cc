@@ -23,6 +23,11 @@ bool is_there(const fs::path& path) {
   return fs::exists(path, none);
 }
 
+bool is_file(const fs::path& path) {
+  std::error_code none;
+  return fs::is_regular_file(path, none);
+}
+
 /// A file pattern with one asterisk in the name.
 struct Pattern {
   fs::path folder;
@@ -50,7 +55,7 @@ Result<Pattern> board_pattern(const Job& job, const std::string& camera) {
   return Pattern{pattern.parent_path(), name.substr(0, star), name.substr(star + 1)};
 }
 
-/// Files by what stands for the asterisk; none where the folder is not there yet.
+/// What lies in the folder by what stands for the asterisk; nothing where the folder is not there yet.
 std::map<std::string, fs::path> files_of(const Pattern& pattern) {
   std::map<std::string, fs::path> files;
   std::error_code none;
@@ -82,7 +87,8 @@ Result<BoardShots> board_shots(const Job& job) {
   const auto rights = files_of(*right);
   BoardShots shots;
   for (const auto& [text, path] : lefts) {
-    if (const auto other = rights.find(text); other != rights.end()) shots.taken.push_back({path, other->second});
+    const auto other = rights.find(text);
+    if (other != rights.end() && is_file(path) && is_file(other->second)) shots.taken.push_back({path, other->second});
   }
   for (int number = 1; shots.next[0].empty(); ++number) {
     const std::string text = fmt::format("{:02}", number);
@@ -124,21 +130,26 @@ Result<std::vector<StationShots>> station_shots(const Job& job) {
 Result<fs::path> put_aside(const fs::path& job_folder, const std::vector<fs::path>& paths) {
   fs::path aside;
   for (int number = 1; aside.empty() || is_there(aside); ++number) aside = job_folder / "undone" / fmt::format("{:03}", number);
+  // All are looked at before one of them is moved.
+  std::vector<fs::path> inside;  // as the job's folder sees them
   for (const fs::path& path : paths) {
-    std::error_code none;
-    if (fs::is_directory(path, none)) fs::remove(path, none);  // an empty one
-    if (!is_there(path)) continue;
-    const fs::path inside = path.lexically_relative(job_folder);
-    if (inside.empty() || *inside.begin() == "..") {
-      return base::fail(ErrorCode::kUsage, fmt::format("{} is not in the job's folder {}; it stays where it is",
+    inside.push_back(path.lexically_normal().lexically_relative(job_folder.lexically_normal()));
+    if (inside.back().empty() || inside.back() == "." || *inside.back().begin() == "..") {
+      return base::fail(ErrorCode::kUsage, fmt::format("{} is not in the job's folder {}; all stays where it is",
                                                        base::shown(path), base::shown(job_folder)));
     }
-    if (auto made = base::make_folder((aside / inside).parent_path()); !made) return tl::unexpected(made.error());
+  }
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    const fs::path to = aside / inside[i];
     std::error_code failed;
-    fs::rename(path, aside / inside, failed);
+    if (fs::is_directory(paths[i], failed)) fs::remove(paths[i], failed);  // an empty one
+    if (!is_there(paths[i])) continue;
+    if (auto made = base::make_folder(to.parent_path()); !made) return tl::unexpected(made.error());
+    failed.clear();
+    fs::rename(paths[i], to, failed);
     if (failed) {
-      return base::fail(ErrorCode::kFileSystem, fmt::format("cannot move {} to {}: {}", base::shown(path),
-                                                            base::shown(aside / inside), failed.message()));
+      return base::fail(ErrorCode::kFileSystem,
+                        fmt::format("cannot move {} to {}: {}", base::shown(paths[i]), base::shown(to), failed.message()));
     }
   }
   return aside;

@@ -68,6 +68,8 @@ void Worker::run(const std::stop_token& stop) {
       outcome = piece.work(progress);
     } catch (const std::exception& error) {
       outcome = base::fail(base::ErrorCode::kInternal, fmt::format("a defect of crosstie: {}", error.what()));
+    } catch (...) {
+      outcome = base::fail(base::ErrorCode::kInternal, "a defect of crosstie: something unknown was thrown");
     }
     done_(piece.what, outcome);
     const std::lock_guard lock(mutex_);
