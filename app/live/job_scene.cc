@@ -142,7 +142,7 @@ std::string scene_json(const LiveScene& scene) {
     }
     json["head"] = {{"position_mm", {m(0, 3), m(1, 3), m(2, 3)}}, {"axes", axes}};
   }
-  return json.dump();
+  return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
 }  // namespace crosstie::app

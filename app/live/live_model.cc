@@ -59,6 +59,7 @@ Result<std::unique_ptr<LiveModel>> LiveModel::read(const fs::path& job) {
 }
 
 Result<> LiveModel::reload() {
+  const std::lock_guard one_at_a_time(reloading_);  // what was read first is never put over what was read later
   auto job = read_job(file_);
   if (!job) return base::fail(std::move(job));
   const fs::path results = job->folder / "results";
@@ -128,16 +129,23 @@ Result<> LiveModel::select(const std::string& station) {
 
 std::optional<LastShot> LiveModel::last() const {
   const std::lock_guard lock(mutex_);
-  if (stage_ != LiveStage::kCalibrate) return last_ && last_->stage == stage_ ? last_ : std::nullopt;
+  const auto found = last_.find(stage_);
+  if (stage_ != LiveStage::kCalibrate) return found == last_.end() ? std::nullopt : std::optional(found->second);
   if (!board_ || board_->taken.empty()) return std::nullopt;
-  const PairOfFiles& pair = board_->taken.back();
+  const std::vector<PairOfFiles>& taken = board_->taken;
+  if (found != last_.end() && std::find(taken.begin(), taken.end(), found->second.places) != taken.end()) return found->second;
+  const PairOfFiles& pair = taken.back();
   return LastShot{LiveStage::kCalibrate, fmt::format("board {}", pair[0].stem().string()), {}, pair};
 }
 
 void LiveModel::remember(std::optional<LastShot> shot) {
   const std::lock_guard lock(mutex_);
-  if (shot) selected_.clear();
-  last_ = std::move(shot);
+  if (!shot) {
+    last_.erase(stage_);
+    return;
+  }
+  selected_.clear();
+  last_.insert_or_assign(shot->stage, *std::move(shot));
 }
 
 void LiveModel::log(const std::string& level, std::string text) {

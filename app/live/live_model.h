@@ -66,8 +66,9 @@ class LiveModel {
   void choose(LiveStage stage);
   /// kUsage where the job has no such station.
   base::Result<> select(const std::string& station);
-  /// What undo and repeat are about: of kCalibrate the last pair in the folder.
+  /// What undo and repeat are about: of kCalibrate, where none was taken in this session, the last pair in the folder by its name.
   [[nodiscard]] std::optional<LastShot> last() const;
+  /// What was taken last of its stage; nothing: of the stage that is on.
   void remember(std::optional<LastShot> shot);
   void log(const std::string& level, std::string text);
   /// The next pose that the board should take; empty: any.
@@ -91,6 +92,7 @@ class LiveModel {
   [[nodiscard]] std::optional<base::Pose> machine_from_rig(const ScenePatch& patch) const;
 
   std::filesystem::path file_;
+  std::mutex reloading_;      ///< before mutex_
   mutable std::mutex mutex_;  ///< of all below
   Job job_;
   base::Result<BoardShots> board_ = BoardShots{};
@@ -103,7 +105,7 @@ class LiveModel {
   std::uint64_t scene_version_ = 0;
   LiveStage stage_ = LiveStage::kCalibrate;
   std::string selected_;
-  std::optional<LastShot> last_;
+  std::map<LiveStage, LastShot> last_;  ///< of this session
   std::string wanted_pose_;
   std::deque<LogLine> log_;
 };
