@@ -41,7 +41,12 @@ Result<> BoardWatch::look(const Job& job, const std::vector<PairOfFiles>& pairs,
   std::map<std::string, base::BoardImage> found;
   if (!task->images.empty()) {
     auto corners = find_board(*task, session);
-    if (!corners) return base::fail(std::move(corners));
+    if (!corners) {
+      const std::lock_guard lock(mutex_);
+      options_.board = job.board->board;
+      guide();  // by what was seen before
+      return base::fail(std::move(corners));
+    }
     for (base::BoardImage& image : corners->front().images) found.insert_or_assign(image.image, std::move(image));
   }
   const std::lock_guard lock(mutex_);

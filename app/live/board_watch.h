@@ -18,7 +18,7 @@ namespace crosstie::app {
 class BoardWatch {
  public:
   /// Looks at pairs of images that it does not know yet, or that are other files by now. Errors: those of the job's board and of its
-  /// images, kCancelled.
+  /// images, kBadInput also where none of them shows the board, kCancelled; what was seen before stays.
   base::Result<> look(const Job& job, const std::vector<PairOfFiles>& pairs, Session& session);
   void forget(const PairOfFiles& pair);
 

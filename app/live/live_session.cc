@@ -50,6 +50,8 @@ Result<double> number_of(const json& command, const char* key) {
   return command[key].get<double>();
 }
 
+std::string board_name(const PairOfFiles& places) { return fmt::format("board {}", places[0].stem().string()); }
+
 /// A station to be photographed or scanned.
 struct StationTask {
   LiveStage stage = LiveStage::kCommission;
@@ -74,8 +76,8 @@ struct LiveSession::Parts {
         threads(with_threads),
         pairs(*devices.pairs, devices.preview_hz),
         watch(pairs, feed, job_markers(model->job())),
-        taking([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }),
-        computing([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }) {}
+        computing([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }),
+        taking([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }) {}
 
   void tell(const std::string& what, const Result<>& outcome);
   [[nodiscard]] LiveActivity activity();
@@ -107,8 +109,8 @@ struct LiveSession::Parts {
   TappedPairs pairs;
   LiveWatch watch;
   BoardWatch board;
-  Worker taking;
   Worker computing;
+  Worker taking;        ///< ends first: it gives work to `computing`
   std::mutex commands;  ///< one after the other
   std::jthread publisher;
 };
@@ -198,14 +200,15 @@ Result<> LiveSession::Parts::take_board(const PairOfFiles& places, const Progres
   if (auto aside = put_aside(model->job().folder, {places[0], places[1]}); !aside) return base::fail(std::move(aside));
   if (auto placed = place(places); !placed) return placed;
   if (auto loaded = model->reload(); !loaded) return loaded;
+  model->remember(LastShot{LiveStage::kCalibrate, board_name(places), {}, places});
   board.forget(places);
   Session session = session_of(progress);
-  if (auto looked = board.look(model->job(), {places}, session); !looked) return looked;
+  const auto looked = board.look(model->job(), {places}, session);
+  if (!looked && looked.error().code != ErrorCode::kBadInput) return looked;
   const int seen = board.seen_by(places);
-  model->log(seen == 2 ? "info" : "warning", fmt::format("board {} taken; {} the board", places[0].stem().string(),
-                                                         seen == 2   ? "both cameras see"
-                                                         : seen == 1 ? "only one camera sees"
-                                                                     : "no camera sees"));
+  const std::string who = seen == 2 ? "both cameras see" : seen == 1 ? "only one camera sees" : "no camera sees";
+  model->log(seen == 2 ? "info" : "warning", fmt::format("{} taken; {} the board{}", board_name(places), who,
+                                                         looked ? "" : fmt::format(" ({})", looked.error().message)));
   return want_pose();
 }
 
@@ -214,8 +217,9 @@ Result<> LiveSession::Parts::look_at_boards(const Progress& progress) {
   const auto shots = board_shots(job);
   if (!shots) return {};  // the guide says so in the stage that needs it
   Session session = session_of(progress);
-  if (auto looked = board.look(job, shots->taken, session); !looked) return looked;
-  return want_pose();
+  auto looked = board.look(job, shots->taken, session);
+  auto wanted = want_pose();
+  return looked ? wanted : looked;
 }
 
 Result<> LiveSession::Parts::want_pose() {
@@ -333,8 +337,7 @@ Result<> LiveSession::Parts::next(bool again) {
       if (!shots) return tl::unexpected(shots.error());
       places = shots->next;
     }
-    taking.add(fmt::format("board {}", places[0].stem().string()),
-               [this, places](const Progress& progress) { return take_board(places, progress); });
+    taking.add(board_name(places), [this, places](const Progress& progress) { return take_board(places, progress); });
     return {};
   }
   std::optional<StationShots> station = guidance.station;
@@ -456,7 +459,10 @@ Result<std::unique_ptr<LiveSession>> LiveSession::begin(const fs::path& job, Liv
 
 LiveSession::LiveSession(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
-LiveSession::~LiveSession() = default;
+LiveSession::~LiveSession() {
+  parts_->taking.cancel();
+  parts_->computing.cancel();
+}
 
 Result<> LiveSession::command(const std::string& json) { return parts_->command(json); }
 
