@@ -41,8 +41,11 @@ CameraSettings triggered(double exposure_s) {
 
 bool eventually(const std::function<bool()>& holds, double timeout_s = 10.0) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
-  while (!holds() && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  return holds();
+  while (std::chrono::steady_clock::now() < end) {
+    if (holds()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return false;
 }
 
 base::Image grey(int level) {
