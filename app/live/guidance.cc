@@ -90,6 +90,11 @@ std::string no_check(const Situation& now) {
   return now.axis ? std::string() : now.axis.error().message;
 }
 
+std::string sentence(std::string words) {
+  if (!words.empty() && words[0] >= 'a' && words[0] <= 'z') words[0] = static_cast<char>(words[0] - 'a' + 'A');
+  return words + ".";
+}
+
 void guide_board(const Situation& now, Guidance& guidance, std::string& next) {
   if (!now.board) {
     guidance.instruction = next = now.board.error().message;
@@ -136,9 +141,12 @@ void guide_station(const Situation& now, Guidance& guidance, std::string& next) 
     guidance.instruction =
         fmt::format("Station {}: {} Press Next.", station->name,
                     commission ? "do both cameras see the cross, and does it stand still?" : "does everything stand still?");
-  } else {
+  } else if (!now.taking.empty()) {
+    guidance.instruction = fmt::format("Do not move: {} is being taken.", now.taking);
+  } else if (next == off_station(now, *station)) {
     guidance.instruction = fmt::format("Move the beam to X = {:.1f} mm for station {}.", station->axis_mm, station->name);
-    if (!now.taking.empty()) guidance.instruction = fmt::format("Do not move: {} is being taken.", now.taking);
+  } else {
+    guidance.instruction = sentence(next);
   }
   if (!commission && is_scanned(now, station->name)) guidance.instruction += " It is scanned already.";
 }

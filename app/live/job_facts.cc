@@ -120,8 +120,9 @@ JobFacts read_job_facts(const Job& job, const fs::path& results) {
   }
   for (const JobStation& station : job.stations) {
     if (!station.scan) continue;
-    const auto json = base::read_json(results / "scan" / station.name / "result.json");
-    if (!json) continue;
+    const fs::path folder = results / "scan" / station.name;
+    const auto json = base::read_json(folder / "result.json");
+    if (!json || !base::read_envelope(folder)) continue;
     facts.scanned[station.name] = {number_at(*json, {"head_test", "off_px"}), number_at(*json, {"head_test", "sigma_px"})};
   }
   facts.gaps = gaps_of(results);

@@ -159,7 +159,7 @@ TEST_F(JobFactsTest, GapsAreSharesOfTheWholeRim) {
 TEST_F(JobFactsTest, TheHealthIsThatOfTheLatestCheck) {
   result("check", "check", "OWO");
   EXPECT_EQ(facts().health.level, "WARNING");
-  EXPECT_THAT(facts().health.text, testing::HasSubstr("WARNING: 1 of 3 checks"));
+  EXPECT_THAT(facts().health.text, testing::HasSubstr("1 of 3 tests say that the head is not as it was"));
 }
 
 TEST(JobSceneFiles, OfALargeCloudEverySoManyThPointIsShown) {
