@@ -18,21 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 using base::Result;
 
-/// A result that the job asks for, by its name and its folder in the job's results.
-struct Wanted {
-  std::string name;
-  fs::path folder;
-};
-
-std::vector<Wanted> results_of(const JobStep& step, const Job& job) {
-  const std::string name(step.name);
-  if (step.parts == nullptr) return {{name, step.folder}};
-  std::vector<Wanted> results;
-  for (const std::string& part : step.parts(job))
-    results.push_back({fmt::format("{} {}", name, part), fs::path(step.folder) / part});
-  return results;
-}
-
 /// A page that says the same is left alone: a job that is up to date may lie where nobody writes.
 Result<> write_if_other(const fs::path& path, const std::string& page) {
   const auto present = base::read_file(path);
@@ -46,7 +31,7 @@ Result<> write_job_index(const Job& job, const fs::path& results) {
   report::JobOverview overview{
       .job = job.name, .date = job.date ? base::format_date(*job.date) : std::string(), .results = {}, .not_done = {}};
   for (const JobStep* step : steps_of(job)) {
-    for (const Wanted& one : results_of(*step, job)) {
+    for (const WantedResult& one : results_of(*step, job)) {
       std::error_code none;
       if (!fs::exists(results / one.folder / "result.json", none)) {
         overview.not_done.push_back(one.name);

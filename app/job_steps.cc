@@ -313,6 +313,15 @@ Result<std::vector<const JobStep*>> steps_until(const Job& job, std::string_view
   return steps;
 }
 
+std::vector<WantedResult> results_of(const JobStep& step, const Job& job) {
+  const std::string name(step.name);
+  if (step.parts == nullptr) return {{name, step.folder}};
+  std::vector<WantedResult> results;
+  for (const std::string& part : step.parts(job))
+    results.push_back({fmt::format("{} {}", name, part), fs::path(step.folder) / part});
+  return results;
+}
+
 Result<> do_steps(const std::vector<const JobStep*>& steps, const StepRun& run, const TellStep& tell) {
   for (const JobStep* step : steps) {
     if (auto complete = step->check(run.job); !complete) return complete;

@@ -41,6 +41,13 @@ struct JobStep {
 /// job does not ask for.
 base::Result<std::vector<const JobStep*>> steps_until(const Job& job, std::string_view name);
 
+/// A result that a job asks for.
+struct WantedResult {
+  std::string name;              ///< of the step, with the part where there are several: "scan x0500"
+  std::filesystem::path folder;  ///< in the job's results
+};
+[[nodiscard]] std::vector<WantedResult> results_of(const JobStep& step, const Job& job);
+
 /// Hears of each step that was done.
 using TellStep = std::function<void(const JobStep&, const StepOutcome&)>;
 

@@ -39,6 +39,7 @@ struct CameraSettings {
   int height_px = 0;
 
   [[nodiscard]] base::Result<> validate() const;
+  bool operator==(const CameraSettings&) const = default;
 };
 
 struct CameraState {

@@ -246,23 +246,4 @@ base::Result<BoardGuide> guide_board(const std::vector<BoardSight>& sights, cons
   return guide;
 }
 
-bool is_wanted(const BoardSight& now, const std::vector<BoardSight>& sights, const WantedPose& wanted,
-               const BoardGuideOptions& options) {
-  const auto side = static_cast<std::size_t>(wanted.camera);
-  const base::BoardImage& view = now.views[side];
-  if (view.corners.empty() || view.width_px <= 0 || view.height_px <= 0) return false;
-  if (!touched(view)[static_cast<std::size_t>(wanted.cell[1] * kColumns + wanted.cell[0])]) return false;
-  std::array<double, 2> focal_px = {};
-  for (const std::size_t one : {0U, 1U}) {
-    auto views = views_of(sights, one);
-    if (views.empty() && one == side) views.push_back(view);
-    focal_px[one] = focal_of(views, one, options);
-  }
-  const auto pose = board_pose(view, options.board, focal_px[side]);
-  if (!pose || pose->tilt != wanted.tilt) return false;
-  const std::vector<BoardPose> before = poses_of(sights, focal_px, options.board);
-  if (before.empty()) return true;
-  return (turn_between(pose->roll_rad, usual_roll(rolls_of(before))) >= calib::kRolled_rad) == wanted.rolled;
-}
-
 }  // namespace crosstie::live

@@ -69,8 +69,4 @@ struct BoardGuide {
 /// How a camera sees the board; nothing where it does not.
 [[nodiscard]] std::optional<BoardPose> board_pose(const base::BoardImage& view, const base::Board& board, double focal_px);
 
-/// Whether what is seen now is the wanted pose: corners in its cell, the right tilt, turned or not.
-[[nodiscard]] bool is_wanted(const BoardSight& now, const std::vector<BoardSight>& sights, const WantedPose& wanted,
-                             const BoardGuideOptions& options);
-
 }  // namespace crosstie::live

@@ -15,7 +15,7 @@ namespace crosstie::live {
 
 /// A pair of frames with what was seen in it, left and right.
 struct PreviewPair {
-  devices::FramePair frames;  ///< as they came, for a measurement that takes them
+  devices::FramePair frames;  ///< as they came
   std::array<CameraPicture, 2> pictures;
 };
 

@@ -62,11 +62,7 @@ std::optional<JobFacts::Result> result_of(const Job& job, const fs::path& result
   for (const std::string_view name : steps_of_stage(stage)) {
     for (const JobStep* step : steps_of(job)) {
       if (step->name != name) continue;
-      std::vector<fs::path> folders;
-      if (step->parts == nullptr) folders.emplace_back(step->folder);
-      for (const std::string& part : step->parts == nullptr ? std::vector<std::string>() : step->parts(job))
-        folders.push_back(fs::path(step->folder) / part);
-      for (const fs::path& folder : folders) {
+      for (const auto& [result, folder] : results_of(*step, job)) {
         const auto envelope = base::read_envelope(results / folder);
         if (!envelope) return std::nullopt;
         found.verdicts.insert(found.verdicts.end(), envelope->verdicts.begin(), envelope->verdicts.end());

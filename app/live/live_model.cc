@@ -68,7 +68,9 @@ Result<> LiveModel::reload() {
   JobFacts facts = read_job_facts(*job, results);
   auto known = std::make_shared<KnownHead>();
   if (auto read = base::read_commissioning(results / "commission")) known->commissioning = *std::move(read);
-  if (const auto folder = scan_head_folder(*job, results)) {
+  if (known->commissioning) {
+    known->head = known->commissioning->head;
+  } else if (const auto folder = scan_head_folder(*job, results)) {
     if (auto read = read_head(folder->string(), 0, 0)) known->head = std::move(read->head);
   }
   std::optional<base::Stitching> stitching;
@@ -265,10 +267,12 @@ std::optional<base::Pose> LiveModel::machine_from_rig(const ScenePatch& patch) c
   return pose ? std::optional(pose->machine_from_rig) : std::nullopt;
 }
 
-std::string LiveModel::scene(const std::vector<MarkerStatus>& markers, const std::string& frame, std::uint64_t version) const {
+std::string LiveModel::scene(const std::vector<MarkerStatus>& markers, const std::string& frame,
+                             const std::optional<base::Pose>& machine_from_head, std::uint64_t version) const {
   const std::lock_guard lock(mutex_);
   LiveScene scene{.version = version, .frame = frame.empty() ? "machine" : frame, .markers = markers};
   if (scene.frame == "machine") {
+    scene.frame_from_head = machine_from_head;
     for (const auto& [station, patch] : patches_) {
       if (const auto pose = machine_from_rig(patch)) scene.patches.push_back({&patch, *pose});
     }

@@ -82,7 +82,7 @@ class LiveModel {
   /// Grows whenever scene() would say something else, markers aside.
   [[nodiscard]] std::uint64_t scene_version() const;
   [[nodiscard]] std::string scene(const std::vector<MarkerStatus>& markers, const std::string& frame,
-                                  std::uint64_t version) const;
+                                  const std::optional<base::Pose>& machine_from_head, std::uint64_t version) const;
 
  private:
   LiveModel() = default;

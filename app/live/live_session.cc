@@ -1,8 +1,8 @@
 #include "app/live/live_session.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <map>
 #include <stop_token>
 #include <thread>
 #include <utility>
@@ -29,10 +29,12 @@ using base::Progress;
 using base::Result;
 using nlohmann::json;
 
-std::optional<MarkerChoice> job_markers(const Job& job) {
+/// Nothing where the job has no markers.
+Result<std::optional<MarkerChoice>> job_markers(const Job& job) {
   if (job.family.empty()) return std::nullopt;
   auto markers = marker_choice(job);
-  return markers ? std::optional(*std::move(markers)) : std::nullopt;
+  if (!markers) return base::fail(std::move(markers));
+  return *std::move(markers);
 }
 
 /// What the stage computes last.
@@ -69,20 +71,21 @@ struct StationTask {
 }  // namespace
 
 struct LiveSession::Parts {
-  Parts(std::unique_ptr<LiveModel> read, LiveDevices given, live::Feed& page, int with_threads)
+  Parts(std::unique_ptr<LiveModel> read, const std::optional<MarkerChoice>& markers, LiveDevices given, live::Feed& page,
+        int with_threads)
       : model(std::move(read)),
         devices(std::move(given)),
         feed(page),
         threads(with_threads),
         pairs(*devices.pairs, devices.preview_hz),
-        watch(pairs, feed, job_markers(model->job())),
+        watch(pairs, feed, markers),
         computing([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }),
         taking([this](const std::string& what, const Result<>& outcome) { tell(what, outcome); }) {}
 
   void tell(const std::string& what, const Result<>& outcome);
   [[nodiscard]] LiveActivity activity();
   void publish(const std::stop_token& stop);
-  void connect();
+  void tell_wanted(const LiveStatus& status) const;
 
   Result<> command(const std::string& text);
   Result<> next(bool again);
@@ -93,7 +96,7 @@ struct LiveSession::Parts {
 
   Result<> take_board(const PairOfFiles& places, const Progress& progress);
   Result<> look_at_boards(const Progress& progress);
-  Result<> want_pose();
+  void want_pose();
   Result<fs::path> put_shot_aside(LiveStage stage, const std::string& station, const PairOfFiles& places) const;
   Result<> take_station(const StationTask& task, const Progress& progress);
   Result<> expose(const StationTask& task, const Progress& progress);
@@ -146,27 +149,18 @@ LiveActivity LiveSession::Parts::activity() {
   return now;
 }
 
-void LiveSession::Parts::connect() {
-  if (auto started = watch.start(devices.preview); !started)
-    model->log("error", fmt::format("cameras: {}", started.error().message));
-}
-
-/// Ten times a second, where something changed.
+/// Ten times a second: ages, counts and pictures change all the time.
 void LiveSession::Parts::publish(const std::stop_token& stop) {
   constexpr auto kPeriod = std::chrono::milliseconds(100);
   std::uint64_t sequence = 0;
   std::uint64_t scene_version = 0;
   std::uint64_t model_version = 0;
-  std::string said;
   devices::HostTime scene_time;
   while (!stop.stop_requested()) {
     const LiveActivity now = activity();
     watch.set_place(model->known_head(), now.axis);
-    if (devices.wanted) {
-      const Guidance guidance = model->guidance(now);
-      devices.wanted(model->stage(), guidance.have, guidance.station ? guidance.station->name : std::string());
-    }
     LiveStatus status = model->status(now);
+    if (devices.wanted) tell_wanted(status);
     watch.describe(status);
     if (status.stage == LiveStage::kCalibrate) status.board = board.status();
     // The scene is large: markers that move are shown once a second.
@@ -176,16 +170,22 @@ void LiveSession::Parts::publish(const std::stop_token& stop) {
       model_version = model->scene_version();
       scene_time = time;
       watch.markers_shown();
-      feed.scene.publish(model->scene(status.markers, status.frame, ++scene_version));
+      feed.scene.publish(model->scene(status.markers, status.frame, watch.machine_from_rig(), ++scene_version));
     }
     status.scene_version = scene_version;
-    if (const std::string json = status_json(status); json != said) {
-      said = json;
-      status.sequence = ++sequence;
-      feed.state.publish(status_json(status));
-    }
+    status.sequence = ++sequence;
+    feed.state.publish(status_json(status));
     std::this_thread::sleep_for(kPeriod);
   }
+}
+
+void LiveSession::Parts::tell_wanted(const LiveStatus& status) const {
+  const auto stage = std::find_if(status.stages.begin(), status.stages.end(),
+                                  [&](const StageStatus& one) { return one.stage == status.stage; });
+  const auto station =
+      std::find_if(status.stations.begin(), status.stations.end(), [](const StationStatus& one) { return one.current; });
+  devices.wanted(status.stage, stage == status.stages.end() ? 0 : stage->have,
+                 station == status.stations.end() ? std::string() : station->name);
 }
 
 Session LiveSession::Parts::session_of(const Progress& progress) {
@@ -209,7 +209,8 @@ Result<> LiveSession::Parts::take_board(const PairOfFiles& places, const Progres
   const std::string who = seen == 2 ? "both cameras see" : seen == 1 ? "only one camera sees" : "no camera sees";
   model->log(seen == 2 ? "info" : "warning", fmt::format("{} taken; {} the board{}", board_name(places), who,
                                                          looked ? "" : fmt::format(" ({})", looked.error().message)));
-  return want_pose();
+  want_pose();
+  return {};
 }
 
 Result<> LiveSession::Parts::look_at_boards(const Progress& progress) {
@@ -218,14 +219,13 @@ Result<> LiveSession::Parts::look_at_boards(const Progress& progress) {
   if (!shots) return {};  // the guide says so in the stage that needs it
   Session session = session_of(progress);
   auto looked = board.look(job, shots->taken, session);
-  auto wanted = want_pose();
-  return looked ? wanted : looked;
+  want_pose();
+  return looked;
 }
 
-Result<> LiveSession::Parts::want_pose() {
+void LiveSession::Parts::want_pose() {
   const auto status = board.status();
   model->set_wanted_pose(status ? status->wanted : std::string());
-  return {};
 }
 
 Result<> LiveSession::Parts::expose(const StationTask& task, const Progress& progress) {
@@ -361,7 +361,7 @@ Result<> LiveSession::Parts::undo() {
   if (!aside) return tl::unexpected(aside.error());
   model->remember(std::nullopt);
   board.forget(last->places);
-  if (auto wanted = want_pose(); !wanted) return wanted;
+  want_pose();
   model->log("info", fmt::format("{} undone; its images lie in undone/{}", last->what, aside->filename().string()));
   return model->reload();
 }
@@ -449,9 +449,12 @@ Result<std::unique_ptr<LiveSession>> LiveSession::begin(const fs::path& job, Liv
                                                         int threads) {
   auto model = LiveModel::read(job);
   if (!model) return base::fail(std::move(model));
-  auto parts = std::make_unique<Parts>(*std::move(model), std::move(devices), feed, threads);
+  const auto markers = job_markers((*model)->job());
+  if (!markers) return tl::unexpected(markers.error());
+  auto parts = std::make_unique<Parts>(*std::move(model), *markers, std::move(devices), feed, threads);
   Parts& at = *parts;
-  at.connect();
+  if (auto started = at.watch.start(at.devices.preview); !started)
+    at.model->log("error", fmt::format("cameras: {}", started.error().message));
   at.computing.add("the board's images", [&at](const Progress& progress) { return at.look_at_boards(progress); });
   at.publisher = std::jthread([&at](const std::stop_token& stop) { at.publish(stop); });
   return std::unique_ptr<LiveSession>(new LiveSession(std::move(parts)));

@@ -172,6 +172,11 @@ void LiveWatch::describe(LiveStatus& status) {
   describe_markers(status);
 }
 
+std::optional<base::Pose> LiveWatch::machine_from_rig() const {
+  const std::lock_guard lock(mutex_);
+  return place_->tie ? std::optional(place_->tie->machine_from_rig) : std::nullopt;
+}
+
 bool LiveWatch::markers_moved() const {
   constexpr double kMoved = 4.0;  // sigmas of both places in a coordinate
   const std::lock_guard lock(mutex_);

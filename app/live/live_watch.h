@@ -38,6 +38,8 @@ class LiveWatch {
 
   /// Cameras, pairs and markers.
   void describe(LiveStatus& status);
+  /// Where the head is in machine by the place that was set; nothing where that is not known.
+  [[nodiscard]] std::optional<base::Pose> machine_from_rig() const;
   /// Whether the markers differ from those that were shown in 3D: one came or went, or moved by more than its sigmas explain.
   [[nodiscard]] bool markers_moved() const;
   void markers_shown();

@@ -28,9 +28,7 @@ struct Errand {
   TwinPlace place;
   std::optional<double> axis_mm;
 
-  bool operator==(const Errand& other) const {
-    return place.object == other.place.object && place.pose == other.place.pose && axis_mm == other.axis_mm;
-  }
+  bool operator==(const Errand&) const = default;
 };
 
 /// The axis as the operator may read it: not while the helper is under way.

@@ -21,12 +21,6 @@ bool on_software_trigger(const std::optional<CameraSettings>& settings) {
   return settings && settings->trigger == devices::TriggerMode::kSoftware;
 }
 
-bool same(const CameraSettings& a, const CameraSettings& b) {
-  return a.exposure_s == b.exposure_s && a.gain == b.gain && a.format == b.format && a.trigger == b.trigger &&
-         a.trigger_line == b.trigger_line && a.rising_edge == b.rising_edge && a.frame_rate_hz == b.frame_rate_hz &&
-         a.width_px == b.width_px && a.height_px == b.height_px;
-}
-
 }  // namespace
 
 TappedPairs::TappedPairs(devices::PairSource& source, double preview_hz)
@@ -89,7 +83,7 @@ Result<> TappedPairs::preview() {
 Result<> TappedPairs::change_to(const CameraSettings& settings) {
   {
     const std::lock_guard lock(mutex_);
-    if (running_ && asked_ && same(*asked_, settings)) return {};
+    if (running_ && asked_ && *asked_ == settings) return {};
   }
   source_->stop();
   auto ran = run(settings);
@@ -139,9 +133,7 @@ void TappedPairs::deliver(Result<FramePair> pair) {
     }
     if (under_way_ > 0) --under_way_;
     const bool in_time = !pair || (after_ && pair->left.header.host_time > *after_ && pair->right.header.host_time > *after_);
-    if (after_ && in_time && !taken_) {
-      taken_ = pair;
-    }
+    if (after_ && in_time && !taken_) taken_ = pair;
     changed_.notify_all();
     sink = sink_;
   }

@@ -18,6 +18,8 @@
 #include "base/image.h"
 #include "devices/simulated_camera.h"
 #include "scan/patterns.h"
+#include "tests/app/live_cameras.h"
+#include "tests/devices/eventually.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::app {
@@ -31,34 +33,15 @@ using devices::CameraSettings;
 using devices::FramePair;
 using devices::HostTime;
 using testing::HasSubstr;
+using tests::eventually;
+using tests::grey_level;
+using tests::GreyCameras;
 
 CameraSettings triggered(double exposure_s) {
   CameraSettings settings;
   settings.exposure_s = exposure_s;
   settings.trigger = devices::TriggerMode::kSoftware;
   return settings;
-}
-
-bool eventually(const std::function<bool()>& holds, double timeout_s = 10.0) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
-  while (std::chrono::steady_clock::now() < end) {
-    if (holds()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return false;
-}
-
-base::Image grey(int level) {
-  base::Image image(8, 6, 8);
-  for (int y = 0; y < 6; ++y) std::fill_n(image.row<std::uint8_t>(y), 8, static_cast<std::uint8_t>(level));
-  return image;
-}
-
-int level_of(const base::Image& image) { return image.view().row<std::uint8_t>(0)[0]; }
-
-int level_of(const fs::path& path) {
-  const auto image = base::read_image(path);
-  return image ? level_of(*image) : -1;
 }
 
 template <typename T>
@@ -88,7 +71,7 @@ class PairsByHand : public devices::PairSource {
   void arrive(int level, HostTime at) {
     const std::lock_guard lock(mutex_);
     if (!sink_) return;
-    FramePair pair{{{1, {}, at}, grey(level), {}}, {{1, {}, at}, grey(level), {}}};
+    FramePair pair{{{1, {}, at}, tests::grey_image(8, 6, level), {}}, {{1, {}, at}, tests::grey_image(8, 6, level), {}}};
     sink_(std::move(pair));
   }
   void arrive(int level) { arrive(level, devices::host_now()); }
@@ -99,6 +82,51 @@ class PairsByHand : public devices::PairSource {
   std::mutex mutex_;
   devices::PairSink sink_;
 };
+
+TEST(TappedPairs, APairIsNeverOlderThanTheRequest) {
+  GreyCameras cameras;
+  TappedPairs pairs(cameras.pair, 200.0);
+  std::atomic<int> seen = 0;
+  ASSERT_TRUE(pairs.start(triggered(0.001), [&](const auto& pair) { seen += pair ? 1 : 0; }));
+  ASSERT_TRUE(eventually([&] { return seen > 5; })) << "the preview triggers by itself";
+  for (int level = 60; level < 90; ++level) {
+    ASSERT_TRUE(pairs.measure(triggered(0.001)));
+    cameras.level = level;
+    const auto pair = pairs.take(devices::host_now(), 5.0);
+    ASSERT_TRUE(pair) << pair.error().message;
+    EXPECT_EQ(pair->left.image.view().row<std::uint8_t>(0)[0], level);
+    EXPECT_EQ(pair->right.image.view().row<std::uint8_t>(0)[0], level + 1);
+    ASSERT_TRUE(pairs.preview());
+  }
+  const int before = seen;
+  EXPECT_TRUE(eventually([&] { return seen > before + 3; })) << "the preview goes on";
+}
+
+TEST(TappedPairs, ALostCameraEndsTheWaitAndMayBeStartedAgain) {
+  GreyCameras cameras;
+  TappedPairs pairs(cameras.pair, 50.0);
+  ASSERT_TRUE(pairs.start(triggered(0.001), {}));
+  cameras.left.unplug();
+  const auto lost = pairs.take(devices::host_now(), 5.0);
+  ASSERT_FALSE(lost);
+  EXPECT_EQ(lost.error().code, ErrorCode::kDevice);
+  EXPECT_FALSE(pairs.measure(triggered(0.001)));
+  ASSERT_TRUE(pairs.start(triggered(0.001), {}));
+  ASSERT_TRUE(pairs.measure(triggered(0.001)));
+  EXPECT_TRUE(pairs.take(devices::host_now(), 5.0));
+}
+
+TEST(TappedPairs, ALostFrameIsExposedAgain) {
+  GreyCameras cameras;
+  TappedPairs pairs(cameras.pair, 50.0);
+  ASSERT_TRUE(pairs.start(triggered(0.001), {}));
+  ASSERT_TRUE(pairs.measure(triggered(0.001)));
+  cameras.losses = 1;
+  const auto pair = pairs.take(devices::host_now(), 10.0);
+  ASSERT_TRUE(pair) << pair.error().message;
+  cameras.losses = 100;
+  EXPECT_FALSE(pairs.take(devices::host_now(), 1.5)) << "but not for ever";
+}
 
 TEST(TappedPairs, APairThatThePreviewTriggeredIsNoMeasurement) {
   PairsByHand source;
@@ -114,7 +142,7 @@ TEST(TappedPairs, APairThatThePreviewTriggeredIsNoMeasurement) {
   source.arrive(20);
   const auto pair = taking.get();
   ASSERT_TRUE(pair) << pair.error().message;
-  EXPECT_EQ(level_of(pair->left.image), 20);
+  EXPECT_EQ(grey_level(pair->left.image), 20);
 }
 
 TEST(TappedPairs, APairThatWasTriggeredTwiceIsNotTakenForTheNextOne) {
@@ -130,7 +158,7 @@ TEST(TappedPairs, APairThatWasTriggeredTwiceIsNotTakenForTheNextOne) {
   auto first = std::async(std::launch::async, [&] { return pairs.take(devices::host_now(), 5.0); });
   ASSERT_TRUE(eventually([&] { return source.triggers == before + 2; })) << "one that does not come is triggered again";
   source.arrive(30);
-  ASSERT_EQ(level_of(first.get()->left.image), 30);
+  ASSERT_EQ(grey_level(first.get()->left.image), 30);
   // The second trigger's pair shows what was there before, however late it arrives.
   auto second = std::async(std::launch::async, [&] { return pairs.take(devices::host_now(), 5.0); });
   EXPECT_FALSE(is_ready(second, 50));
@@ -138,7 +166,7 @@ TEST(TappedPairs, APairThatWasTriggeredTwiceIsNotTakenForTheNextOne) {
   ASSERT_TRUE(eventually([&] { return source.triggers == before + 3; }));
   EXPECT_FALSE(is_ready(second, 50)) << "31 was exposed before it was asked for";
   source.arrive(40);
-  EXPECT_EQ(level_of(second.get()->left.image), 40);
+  EXPECT_EQ(grey_level(second.get()->left.image), 40);
 }
 
 TEST(TappedPairs, OfCamerasThatRunFreelyAnExposureThatBeganBeforeIsNotTaken) {
@@ -158,7 +186,7 @@ TEST(TappedPairs, OfCamerasThatRunFreelyAnExposureThatBeganBeforeIsNotTaken) {
   }
   source.arrive(20, asked + devices::to_nanoseconds(0.21));
   while (!is_ready(taking, 5)) source.arrive(20, asked + devices::to_nanoseconds(0.21));
-  EXPECT_EQ(level_of(taking.get()->left.image), 20);
+  EXPECT_EQ(grey_level(taking.get()->left.image), 20);
   EXPECT_EQ(source.triggers, 0);
 }
 
@@ -205,7 +233,7 @@ class CaptureTest : public ::testing::Test {
       const std::lock_guard lock(mutex_);
       exposures_s_[static_cast<std::size_t>(light)] = exposure.settings.exposure_s;
     }
-    return grey(10 + light + more);
+    return tests::grey_image(8, 6, 10 + light + more);
   }
   Result<> take(const Progress& progress = {}) {
     return take_sequence(pairs_, projector_, sequence_, options_, places_, progress);
@@ -256,8 +284,8 @@ TEST_F(CaptureTest, EachImageIsOfItsPatternAndItsExposure) {
   EXPECT_FALSE(fs::exists(folder_ / "scan/a/.taking"));
   const std::lock_guard lock(mutex_);
   for (std::size_t i = 0; i < sequence_.patterns.size(); ++i) {
-    EXPECT_EQ(level_of(file(0, i)), 10 + static_cast<int>(i));
-    EXPECT_EQ(level_of(file(1, i)), 110 + static_cast<int>(i));
+    EXPECT_EQ(grey_level(file(0, i)), 10 + static_cast<int>(i));
+    EXPECT_EQ(grey_level(file(1, i)), 110 + static_cast<int>(i));
     // The preview may see the last pattern once more.
     if (i + 1 < sequence_.patterns.size()) {
       EXPECT_DOUBLE_EQ(exposures_s_[i], kMeasure_s * sequence_.patterns[i].exposure) << "pattern " << i;
@@ -274,7 +302,7 @@ TEST_F(CaptureTest, AProjectorThatFailsLeavesNothingInPlace) {
   broken_at_ = -1;
   ASSERT_TRUE(take()) << "and is begun anew";
   ASSERT_TRUE(place(places_));
-  EXPECT_EQ(level_of(file(1, 3)), 113);
+  EXPECT_EQ(grey_level(file(1, 3)), 113);
 }
 
 TEST_F(CaptureTest, ACameraThatIsLostIsToldWithThePattern) {
@@ -326,8 +354,8 @@ TEST_F(CaptureTest, APairIsTakenWithItsSettingsAndThePreviewGoesOn) {
   ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_FALSE(fs::exists(pair[0]));
   ASSERT_TRUE(place(pair));
-  EXPECT_EQ(level_of(pair[0]), 10);
-  EXPECT_EQ(level_of(pair[1]), 110);
+  EXPECT_EQ(grey_level(pair[0]), 10);
+  EXPECT_EQ(grey_level(pair[1]), 110);
   expect_as_before();
 }
 

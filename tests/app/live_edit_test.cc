@@ -1,4 +1,4 @@
-// A reading that goes into a job.toml as its author wrote it, and images that leave their place.
+// A reading that goes into a job.toml as its author wrote it.
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -7,7 +7,6 @@
 #include <gtest/gtest.h>
 
 #include "app/live/job_edit.h"
-#include "app/live/shots.h"
 #include "base/file.h"
 #include "tests/support/temporary_folder.h"
 
@@ -81,52 +80,17 @@ TEST(JobEdit, AFileThatSaysSoAlreadyIsLeftAlone) {
   EXPECT_EQ(write_station_axis(folder / "none.toml", "b", 1.0).error().code, ErrorCode::kFileSystem);
 }
 
-TEST(PutAside, AllOrNothing) {
-  const tests::TemporaryFolder folder;
-  const fs::path job = folder / "job";
-  const fs::path inside = folder.write("job/board/01.png", "in");
-  const fs::path outside = folder.write("other/01.png", "out");
-  for (const fs::path& path : {outside, job / "board/../../other/01.png", job, job / "."}) {
-    const auto refused = put_aside(job, {inside, path});
-    ASSERT_FALSE(refused) << path;
-    EXPECT_EQ(refused.error().code, ErrorCode::kUsage);
-    EXPECT_THAT(refused.error().message, HasSubstr("not in the job's folder"));
-    EXPECT_EQ(tests::read_all(inside), "in") << "with " << path;
-    EXPECT_EQ(tests::read_all(outside), "out");
-    EXPECT_FALSE(fs::exists(job / "undone"));
+TEST(JobEdit, WhatIsNoStationIsRefused) {
+  for (const char* text : {"", "[[station]]\nname = \"a\"\n", "[[station]]\nname = \"b\"\naxis_mm = 1\n", "station = 3\n",
+                           "[[station]]\nname = \"a\"\naxis_mm = \"1\"\n"}) {
+    const auto result = with_station_axis(text, "job.toml", "a", 1.0);
+    ASSERT_FALSE(result) << text;
+    EXPECT_EQ(result.error().code, ErrorCode::kBadInput);
+    EXPECT_THAT(result.error().message, HasSubstr("job.toml: there is no station 'a'"));
   }
-}
-
-TEST(PutAside, ARelativeJobFolderAndPathsThatWindAreTheSame) {
-  const tests::TemporaryFolder folder;
-  const fs::path here = fs::current_path();
-  fs::current_path(folder.path());
-  folder.write("scan/a/00.png", "x");
-  folder.write("scan/b/00.png", "y");
-  const auto aside = put_aside(".", {"scan/b/../a"});
-  fs::current_path(here);
-  ASSERT_TRUE(aside) << aside.error().message;
-  EXPECT_EQ(tests::read_all(folder / "undone/001/scan/a/00.png"), "x");
-}
-
-TEST(BoardShots, WhatIsNoFileIsNoShotButItsNumberIsTaken) {
-  const tests::TemporaryFolder folder;
-  Job job;
-  job.folder = folder.path();
-  job.file = folder / "job.toml";
-  job.board = JobBoard{};
-  job.cameras["left"].board_images = "l/pose_*_x.png";
-  job.cameras["right"].board_images = "r/pose_*_x.png";
-  for (const char* side : {"l", "r"}) {
-    for (const char* name : {"pose_02_x.png", "pose_x.png", "pose_2_x.png.tmp", "spose_03_x.png", "pose_03.png"})
-      folder.write(fs::path(side) / name, "x");
-    fs::create_directories(folder / side / "pose_01_x.png");
-  }
-  const auto shots = board_shots(job);
-  ASSERT_TRUE(shots) << shots.error().message;
-  ASSERT_EQ(shots->taken.size(), 1U);
-  EXPECT_EQ(shots->taken[0][1], folder / "r/pose_02_x.png");
-  EXPECT_EQ(shots->next[0], folder / "l/pose_03_x.png");
+  const auto broken = with_station_axis("a = 1\nb = \n", "job.toml", "a", 1.0);
+  ASSERT_FALSE(broken);
+  EXPECT_THAT(broken.error().message, HasSubstr("job.toml:2"));
 }
 
 }  // namespace

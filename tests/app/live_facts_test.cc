@@ -6,9 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "app/live/job_facts.h"
-#include "app/live/job_scene.h"
-#include "base/cloud.h"
-#include "base/ply.h"
+#include "tests/app/live_job.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::app {
@@ -17,23 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::IsEmpty;
 
-constexpr const char* kJob = R"(format = "crosstie-job/1"
-[board]
-corners = [5, 4]
-pitch_mm = 30.0
-[camera.left]
-board_images = "board/left/*.png"
-[camera.right]
-board_images = "board/right/*.png"
-[rig]
-cameras = ["left", "right"]
-[cross]
-points = "cross/points.csv"
-spheres = "cross/spheres.csv"
-[machine]
-probed_spheres = "machine/probe.csv"
-
-[[station]]
+const std::string kJob = tests::live_job(R"([[station]]
 name = "a"
 axis_mm = 0.0
 cross = { left = "cross/a_l.png", right = "cross/a_r.png" }
@@ -43,7 +25,7 @@ scan = { left = "scan/a/left", right = "scan/a/right", manifest = "scan/patterns
 name = "b"
 axis_mm = 500.0
 scan = { left = "scan/b/left", right = "scan/b/right", manifest = "scan/patterns.json" }
-)";
+)");
 
 class JobFactsTest : public ::testing::Test {
  protected:
@@ -160,26 +142,6 @@ TEST_F(JobFactsTest, TheHealthIsThatOfTheLatestCheck) {
   result("check", "check", "OWO");
   EXPECT_EQ(facts().health.level, "WARNING");
   EXPECT_THAT(facts().health.text, testing::HasSubstr("1 of 3 tests say that the head is not as it was"));
-}
-
-TEST(JobSceneFiles, OfALargeCloudEverySoManyThPointIsShown) {
-  const tests::TemporaryFolder folder;
-  for (const std::size_t size : {std::size_t{3}, kPatchPoints, kPatchPoints + 1, 5 * kPatchPoints - 1}) {
-    base::Cloud cloud;
-    for (std::size_t i = 0; i < size; ++i) cloud.points.emplace_back(static_cast<double>(i), 0.5, -2.0);
-    ASSERT_TRUE(base::write_ply(folder / "cloud.ply", cloud));
-    const auto patch = read_patch(folder.path(), "a", 12.0);
-    ASSERT_TRUE(patch) << patch.error().message;
-    EXPECT_EQ(patch->station, "a");
-    EXPECT_EQ(patch->axis_mm, 12.0);
-    EXPECT_LE(patch->p_in_rig_mm.size(), kPatchPoints);
-    EXPECT_GE(patch->p_in_rig_mm.size(), std::min(size, kPatchPoints / 2)) << size;
-    const double step = patch->p_in_rig_mm[1].x();
-    for (std::size_t i = 0; i < patch->p_in_rig_mm.size(); i += 97)
-      EXPECT_EQ(patch->p_in_rig_mm[i], Eigen::Vector3d(step * static_cast<double>(i), 0.5, -2.0));
-    EXPECT_GT(patch->p_in_rig_mm.back().x() + step, static_cast<double>(size) - 1.0) << "up to the end";
-  }
-  EXPECT_FALSE(read_patch(folder / "nowhere", "a", 0.0));
 }
 
 }  // namespace

@@ -16,6 +16,9 @@
 #include "base/image.h"
 #include "devices/simulated_camera.h"
 #include "scan/patterns.h"
+#include "tests/app/live_cameras.h"
+#include "tests/app/live_job.h"
+#include "tests/devices/eventually.h"
 #include "tests/support/temporary_folder.h"
 
 namespace crosstie::app {
@@ -25,26 +28,10 @@ namespace fs = std::filesystem;
 using base::ErrorCode;
 using base::Result;
 using testing::HasSubstr;
+using tests::eventually;
+using tests::grey_level;
 
-constexpr const char* kJob = R"(format = "crosstie-job/1"
-name = "door"
-[board]
-corners = [5, 4]
-pitch_mm = 30.0
-[camera.left]
-board_images = "board/left/*.png"
-[camera.right]
-board_images = "board/right/*.png"
-[rig]
-cameras = ["left", "right"]
-[cross]
-points = "cross/points.csv"
-spheres = "cross/spheres.csv"
-[machine]
-probed_spheres = "machine/probe.csv"
-axis_sigma_mm = 0.005
-
-[[station]]
+const std::string kJob = tests::live_job(R"([[station]]
 name = "x0"
 axis_mm = 0.0  # planned
 cross = { left = "cross/x0_l.png", right = "cross/x0_r.png" }
@@ -54,26 +41,12 @@ scan = { left = "scan/x0/left", right = "scan/x0/right", manifest = "scan/patter
 name = "x500"
 axis_mm = 500.0  # planned
 scan = { left = "scan/x500/left", right = "scan/x500/right", manifest = "scan/patterns.json" }
-)";
+)");
 
 /// A result that says nothing but that it is there.
 constexpr const char* kEmptyResult =
     R"({"format":"crosstie-result/1","verb":"VERB","version":"0","unit":"mm","frame":"rig","inputs":[],"options":{},)"
     R"("verdicts":[{"name":"rms_px","value":0.1,"limit":0.3,"unit":"px","source":"test","level":"OK"}],"warnings":[]})";
-
-bool eventually(const std::function<bool()>& holds, double timeout_s = 10.0) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
-  while (std::chrono::steady_clock::now() < end) {
-    if (holds()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return false;
-}
-
-int level_of(const fs::path& path) {
-  const auto image = base::read_image(path);
-  return image ? image->view().row<std::uint8_t>(0)[0] : -1;
-}
 
 std::vector<std::pair<std::string, std::string>> contents(const fs::path& folder) {
   std::vector<std::pair<std::string, std::string>> files;
@@ -146,11 +119,7 @@ class LiveScanTest : public ::testing::Test {
     });
     return found ? testing::AssertionSuccess() : testing::AssertionFailure() << log;
   }
-  Result<base::Image> exposed(int more) const {
-    base::Image image(64, 48, 8);
-    for (int y = 0; y < 48; ++y) std::fill_n(image.row<std::uint8_t>(y), 64, static_cast<std::uint8_t>(light_ + more));
-    return image;
-  }
+  Result<base::Image> exposed(int more) const { return tests::grey_image(64, 48, light_ + more); }
 
   tests::TemporaryFolder folder_;
   base::PatternSequence sequence_;
@@ -181,8 +150,8 @@ TEST_F(LiveScanTest, AScanHasEachPatternAndItsReadingAndIsTakenAnewAsAWhole) {
   ASSERT_TRUE(command(R"({"command": "next"})"));
   ASSERT_TRUE(logged("scan x0 taken at X = 0.002 mm"));
   for (std::size_t i = 0; i < sequence_.patterns.size(); ++i) {
-    EXPECT_EQ(level_of(folder_ / "scan/x0/left" / sequence_.patterns[i].files[0]), 1 + static_cast<int>(i));
-    EXPECT_EQ(level_of(folder_ / "scan/x0/right" / sequence_.patterns[i].files[1]), 101 + static_cast<int>(i));
+    EXPECT_EQ(grey_level(folder_ / "scan/x0/left" / sequence_.patterns[i].files[0]), 1 + static_cast<int>(i));
+    EXPECT_EQ(grey_level(folder_ / "scan/x0/right" / sequence_.patterns[i].files[1]), 101 + static_cast<int>(i));
   }
   EXPECT_THAT(tests::read_all(folder_ / "job.toml"), HasSubstr("axis_mm = 0.002  # planned"));
   EXPECT_FALSE(fs::exists(folder_ / "scan/x0/.taking"));
@@ -199,7 +168,7 @@ TEST_F(LiveScanTest, AScanHasEachPatternAndItsReadingAndIsTakenAnewAsAWhole) {
   EXPECT_FALSE(fs::exists(folder_ / "results/scan/x0"));
   ASSERT_TRUE(commanded(R"({"command": "undo"})"));
   EXPECT_FALSE(fs::exists(folder_ / "scan/x0/left"));
-  EXPECT_EQ(level_of(folder_ / "undone/002/scan/x0/left/00.png"), 1);
+  EXPECT_EQ(grey_level(folder_ / "undone/002/scan/x0/left/00.png"), 1);
   EXPECT_FALSE(command(R"({"command": "undo"})")) << "one shot back";
 }
 

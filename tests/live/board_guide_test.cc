@@ -161,18 +161,6 @@ TEST(BoardGuide, WhoFollowsItIsDoneAfterSomeThirtyPoses) {
   EXPECT_TRUE(guide_board(sights, kOptions)->wanted);
 }
 
-TEST(BoardGuide, KnowsTheWantedPoseWhenItSeesIt) {
-  const std::vector<BoardSight> before = {sight({.away_deg = {35.0, 0.0}}), sight({.away_deg = {0.0, 35.0}})};
-  const WantedPose wanted{
-      .tilt = BoardTilt::kLeft, .rolled = false, .camera = devices::Side::kLeft, .cell = {6, 1}, .words = {}};
-  const Eigen::Vector2d there(900.0, 260.0);
-  EXPECT_TRUE(is_wanted(sight({there, {-35.0, 0.0}}), before, wanted, kOptions));
-  EXPECT_FALSE(is_wanted(sight({there, {35.0, 0.0}}), before, wanted, kOptions)) << "the other side";
-  EXPECT_FALSE(is_wanted(sight({there, {-35.0, 0.0}, 90.0}), before, wanted, kOptions)) << "turned";
-  EXPECT_FALSE(is_wanted(sight({{300.0, 700.0}, {-35.0, 0.0}}), before, wanted, kOptions)) << "elsewhere";
-  EXPECT_FALSE(is_wanted({}, before, wanted, kOptions));
-}
-
 /// Codes and cameras of what calibrate() warns of about views.
 std::set<std::string> about_views(const std::vector<base::Warning>& warnings) {
   std::set<std::string> found;

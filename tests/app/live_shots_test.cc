@@ -1,15 +1,12 @@
-// What the operator's session reads and writes in a job folder: readings in job.toml, images that are there, images that are put aside.
+// Images that a job has and lacks, and images that leave their place.
 #include <filesystem>
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "app/live/job_edit.h"
-#include "app/live/job_scene.h"
 #include "app/live/shots.h"
 #include "base/file.h"
-#include "base/image.h"
 #include "base/pattern_sequence.h"
 #include "scan/patterns.h"
 #include "tests/support/temporary_folder.h"
@@ -19,49 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using base::ErrorCode;
-using testing::ElementsAre;
 using testing::HasSubstr;
-
-std::string edited(const std::string& text, const std::string& station, double axis_mm) {
-  const auto result = with_station_axis(text, "job.toml", station, axis_mm);
-  EXPECT_TRUE(result) << result.error().message;
-  return result.value_or(std::string());
-}
-
-TEST(JobEdit, ChangesTheReadingAndNothingElse) {
-  const std::string valid =
-      "# \xC3\xA4\n[[station]]   # first\nname = \"x0\"\naxis_mm = 0   # as "
-      "planned\n\n[[station]]\naxis_mm=8.5e2\nname=\"\xC3\xB6\"\n"
-      "cross = { left = \"l.png\" }\n";
-  EXPECT_EQ(edited(valid, "x0", 0.0068),
-            "# \xC3\xA4\n[[station]]   # first\nname = \"x0\"\naxis_mm = 0.0068   # as planned\n\n[[station]]\naxis_mm=8.5e2\n"
-            "name=\"\xC3\xB6\"\ncross = { left = \"l.png\" }\n");
-  EXPECT_EQ(edited(valid, "\xC3\xB6", -850.04),
-            "# \xC3\xA4\n[[station]]   # first\nname = \"x0\"\naxis_mm = 0   # as planned\n\n[[station]]\naxis_mm=-850.04\n"
-            "name=\"\xC3\xB6\"\ncross = { left = \"l.png\" }\n");
-}
-
-TEST(JobEdit, WindowsLineEndsAndCharactersBeforeTheValueStay) {
-  const std::string text =
-      "station = [ { name = \"\xC3\xBC\xE2\x82\xAC\", axis_mm = 12.5 }, { name = \"b\", axis_mm = 3 } ]\r\nx = 1\r\n";
-  EXPECT_EQ(edited(text, "\xC3\xBC\xE2\x82\xAC", 13.0),
-            "station = [ { name = \"\xC3\xBC\xE2\x82\xAC\", axis_mm = 13.0 }, { name = \"b\", axis_mm = 3 } ]\r\nx = 1\r\n");
-  EXPECT_EQ(edited(text, "b", 4.25),
-            "station = [ { name = \"\xC3\xBC\xE2\x82\xAC\", axis_mm = 12.5 }, { name = \"b\", axis_mm = 4.25 } ]\r\nx = 1\r\n");
-}
-
-TEST(JobEdit, WhatIsNoStationIsRefused) {
-  for (const char* text : {"", "[[station]]\nname = \"a\"\n", "[[station]]\nname = \"b\"\naxis_mm = 1\n", "station = 3\n",
-                           "[[station]]\nname = \"a\"\naxis_mm = \"1\"\n"}) {
-    const auto result = with_station_axis(text, "job.toml", "a", 1.0);
-    ASSERT_FALSE(result) << text;
-    EXPECT_EQ(result.error().code, ErrorCode::kBadInput);
-    EXPECT_THAT(result.error().message, HasSubstr("job.toml: there is no station 'a'"));
-  }
-  const auto broken = with_station_axis("a = 1\nb = \n", "job.toml", "a", 1.0);
-  ASSERT_FALSE(broken);
-  EXPECT_THAT(broken.error().message, HasSubstr("job.toml:2"));
-}
 
 class ShotsTest : public ::testing::Test {
  protected:
@@ -157,35 +112,52 @@ TEST_F(ShotsTest, WhatIsPutAsideKeepsItsPathAndIsNeverOverwritten) {
   EXPECT_TRUE(fs::exists(folder_ / "scan"));
 }
 
-TEST(JobScene, ARimIsCutWhereAGapBeginsAndCloses) {
+TEST(PutAside, AllOrNothing) {
   const tests::TemporaryFolder folder;
-  ASSERT_TRUE(base::write_file_atomically(folder / "edge.csv",
-                                          "s_mm,x_mm,y_mm,z_mm\n0,0,0,0\n10,10,0,0\n20,20,0,0\n50,20,30,0\n60,10,30,0\n"));
-  const auto pieces_of = [&](const std::string& result) {
-    EXPECT_TRUE(base::write_file_atomically(folder / "result.json", result));
-    return read_rim(folder.path());
-  };
-  const auto closed = pieces_of(R"({"closed": true, "gaps": [{"from_mm": 20.0, "length_mm": 30.0}]})");
-  ASSERT_EQ(closed.size(), 3U);
-  EXPECT_THAT(std::vector<bool>({closed[0].gap, closed[1].gap, closed[2].gap}), ElementsAre(false, true, false));
-  EXPECT_EQ(closed[0].p_in_machine_mm.size(), 3U);
-  EXPECT_EQ(closed[1].p_in_machine_mm.size(), 2U);
-  EXPECT_EQ(closed[2].p_in_machine_mm.back(), Eigen::Vector3d(0.0, 0.0, 0.0)) << "back to the begin";
-  const auto open = pieces_of(R"({"closed": false, "gaps": []})");
-  ASSERT_EQ(open.size(), 1U);
-  EXPECT_EQ(open[0].p_in_machine_mm.size(), 5U);
-  const auto open_with_gap = pieces_of(R"({"closed": false, "gaps": [{"from_mm": 60.0, "length_mm": 31.6}]})");
-  ASSERT_EQ(open_with_gap.size(), 2U);
-  EXPECT_TRUE(open_with_gap[1].gap);
-  EXPECT_TRUE(read_rim(folder / "nowhere").empty());
+  const fs::path job = folder / "job";
+  const fs::path inside = folder.write("job/board/01.png", "in");
+  const fs::path outside = folder.write("other/01.png", "out");
+  for (const fs::path& path : {outside, job / "board/../../other/01.png", job, job / "."}) {
+    const auto refused = put_aside(job, {inside, path});
+    ASSERT_FALSE(refused) << path;
+    EXPECT_EQ(refused.error().code, ErrorCode::kUsage);
+    EXPECT_THAT(refused.error().message, HasSubstr("not in the job's folder"));
+    EXPECT_EQ(tests::read_all(inside), "in") << "with " << path;
+    EXPECT_EQ(tests::read_all(outside), "out");
+    EXPECT_FALSE(fs::exists(job / "undone"));
+  }
 }
 
-TEST(JobScene, PointsAreLittleEndianFloatsInBase64) {
-  const ScenePatch patch{"a", 0.0, {{1.0, 2.0, 3.0}}};
-  LiveScene scene{.version = 3, .frame = "machine"};
-  scene.patches.push_back({&patch, base::Pose{Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.0, 0.0, -3.0)}});
-  // 1.0f 2.0f 0.0f: 00 00 80 3f 00 00 00 40 00 00 00 00
-  EXPECT_THAT(scene_json(scene), HasSubstr("\"AACAPwAAAEAAAAAA\""));
+TEST(PutAside, ARelativeJobFolderAndPathsThatWindAreTheSame) {
+  const tests::TemporaryFolder folder;
+  const fs::path here = fs::current_path();
+  fs::current_path(folder.path());
+  folder.write("scan/a/00.png", "x");
+  folder.write("scan/b/00.png", "y");
+  const auto aside = put_aside(".", {"scan/b/../a"});
+  fs::current_path(here);
+  ASSERT_TRUE(aside) << aside.error().message;
+  EXPECT_EQ(tests::read_all(folder / "undone/001/scan/a/00.png"), "x");
+}
+
+TEST(BoardShots, WhatIsNoFileIsNoShotButItsNumberIsTaken) {
+  const tests::TemporaryFolder folder;
+  Job job;
+  job.folder = folder.path();
+  job.file = folder / "job.toml";
+  job.board = JobBoard{};
+  job.cameras["left"].board_images = "l/pose_*_x.png";
+  job.cameras["right"].board_images = "r/pose_*_x.png";
+  for (const char* side : {"l", "r"}) {
+    for (const char* name : {"pose_02_x.png", "pose_x.png", "pose_2_x.png.tmp", "spose_03_x.png", "pose_03.png"})
+      folder.write(fs::path(side) / name, "x");
+    fs::create_directories(folder / side / "pose_01_x.png");
+  }
+  const auto shots = board_shots(job);
+  ASSERT_TRUE(shots) << shots.error().message;
+  ASSERT_EQ(shots->taken.size(), 1U);
+  EXPECT_EQ(shots->taken[0][1], folder / "r/pose_02_x.png");
+  EXPECT_EQ(shots->next[0], folder / "l/pose_03_x.png");
 }
 
 }  // namespace
