@@ -113,6 +113,16 @@ void guide_board(const Situation& now, Guidance& guidance, std::string& next) {
   }
 }
 
+std::string all_photographed(const Situation& now) {
+  return now.commissioned ? "The machine is commissioned. Go on with the hole."
+                          : "All stations are taken. Press Finish to commission the machine.";
+}
+
+std::string all_scanned(const Situation& now) {
+  return now.measured ? "The hole is measured: its report shows edge and path."
+                      : "All stations are taken. Press Finish for the hole's edge and the torch's path.";
+}
+
 void guide_station(const Situation& now, Guidance& guidance, std::string& next) {
   if (!now.stations) {
     guidance.instruction = next = now.stations.error().message;
@@ -127,12 +137,10 @@ void guide_station(const Situation& now, Guidance& guidance, std::string& next) 
   const StationShots* station = next_station(now);
   if (station == nullptr) {
     next = guidance.want == 0 ? "the job has no station for this" : "all stations are taken; choose one to take it again";
-    const bool done = commission ? now.commissioned : false;
     guidance.instruction = guidance.want == 0
                                ? fmt::format("The job has no station {}.", commission ? "with a cross" : "to scan")
-                           : done       ? "The machine is commissioned. Go on with the hole."
-                           : commission ? "All stations are taken. Press Finish to commission the machine."
-                                        : "All stations are taken. Press Finish for the hole's edge and the torch's path.";
+                           : commission ? all_photographed(now)
+                                        : all_scanned(now);
     return;
   }
   guidance.station = *station;

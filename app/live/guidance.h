@@ -20,6 +20,7 @@ struct Situation {
   std::vector<std::string> scanned = {};  ///< stations whose cloud is there
   bool calibrated = false;                ///< results are there
   bool commissioned = false;
+  bool measured = false;             ///< the hole's edge and the torch's path are there
   bool needs_commissioning = false;  ///< the job has a cross
   std::string cameras_trouble = {};  ///< empty: they run
   base::Result<devices::AxisReading> axis = devices::AxisReading{};

@@ -44,9 +44,6 @@ Result<std::unique_ptr<LiveModel>> LiveModel::read(const fs::path& job) {
   std::unique_ptr<LiveModel> model(new LiveModel());
   model->file_ = first->file;
   if (auto loaded = model->reload(); !loaded) return base::fail(std::move(loaded));
-  for (const JobStation& station : model->job_.stations) {
-    if (model->facts_.scanned.contains(station.name)) model->read_cloud(station.name);
-  }
   // Go on where the work stopped.
   for (const LiveStage stage : kStages) {
     model->stage_ = stage;
@@ -76,6 +73,13 @@ Result<> LiveModel::reload() {
   std::optional<base::Stitching> stitching;
   if (auto read = base::read_stitching(results / "stitch")) stitching = *std::move(read);
   std::vector<RimPiece> rim = read_rim(results / "edge");
+  std::map<std::string, ScenePatch> patches = this->patches();
+  std::erase_if(patches, [&](const auto& one) { return !facts.scanned.contains(one.first); });
+  for (const JobStation& station : job->stations) {
+    if (!facts.scanned.contains(station.name) || patches.contains(station.name)) continue;
+    if (auto patch = read_patch(results / "scan" / station.name, station.name, station.axis_mm))
+      patches.emplace(station.name, *std::move(patch));
+  }
 
   const std::lock_guard lock(mutex_);
   job_ = *std::move(job);
@@ -85,21 +89,14 @@ Result<> LiveModel::reload() {
   known_head_ = std::move(known);
   stitching_ = std::move(stitching);
   rim_ = std::move(rim);
-  std::erase_if(patches_, [this](const auto& one) { return !facts_.scanned.contains(one.first); });
+  patches_ = std::move(patches);
   ++scene_version_;
   return {};
 }
 
-void LiveModel::read_cloud(const std::string& station) {
-  const Job job = this->job();
-  const auto found =
-      std::find_if(job.stations.begin(), job.stations.end(), [&](const JobStation& one) { return one.name == station; });
-  if (found == job.stations.end()) return;
-  auto patch = read_patch(results() / "scan" / station, station, found->axis_mm);
+std::map<std::string, ScenePatch> LiveModel::patches() const {
   const std::lock_guard lock(mutex_);
-  patches_.erase(station);
-  if (patch) patches_.emplace(station, *std::move(patch));
-  ++scene_version_;
+  return patches_;
 }
 
 Job LiveModel::job() const {
@@ -173,6 +170,7 @@ Situation LiveModel::situation(const LiveActivity& activity) const {
   for (const auto& [station, epipolar] : facts_.scanned) now.scanned.push_back(station);
   now.calibrated = facts_.done(LiveStage::kCalibrate) || known_head_->head.has_value();
   now.commissioned = facts_.done(LiveStage::kCommission);
+  now.measured = facts_.done(LiveStage::kScan);
   now.needs_commissioning = job_.cross.has_value();
   now.cameras_trouble = activity.cameras_trouble;
   now.axis = activity.axis;

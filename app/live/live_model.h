@@ -55,10 +55,9 @@ class LiveModel {
   /// Errors: those of the job.
   static base::Result<std::unique_ptr<LiveModel>> read(const std::filesystem::path& job);
 
-  /// Reads job, images and results again. An Error leaves everything as it was.
+  /// Reads job, images and results again, with some points of each cloud that is new; clouds that cannot be read show none. An Error
+  /// leaves everything as it was.
   base::Result<> reload();
-  /// Some points of a station's cloud for the view; a cloud that cannot be read shows none.
-  void read_cloud(const std::string& station);
 
   [[nodiscard]] Job job() const;
   [[nodiscard]] std::filesystem::path results() const;
@@ -87,6 +86,7 @@ class LiveModel {
  private:
   LiveModel() = default;
   [[nodiscard]] Situation situation(const LiveActivity& activity) const;
+  [[nodiscard]] std::map<std::string, ScenePatch> patches() const;
   [[nodiscard]] std::vector<StageStatus> stages() const;
   [[nodiscard]] std::vector<StationStatus> station_statuses(const std::optional<StationShots>& current) const;
   [[nodiscard]] std::optional<base::Pose> machine_from_rig(const ScenePatch& patch) const;

@@ -289,9 +289,7 @@ Result<> LiveSession::Parts::scan_one(const std::string& station, const Progress
   const auto done = scan_stations(*scans, tell_scan, session);
   if (!done) return tl::unexpected(done.error());
   if (auto written = write_job_index(job, results); !written) return written;
-  if (auto loaded = model->reload(); !loaded) return loaded;
-  model->read_cloud(station);
-  return {};
+  return model->reload();
 }
 
 Result<> LiveSession::Parts::compute(LiveStage stage, const Progress& progress) {

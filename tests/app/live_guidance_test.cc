@@ -232,6 +232,8 @@ TEST(Instruction, SaysWhatToDoInEachState) {
   now.stage = LiveStage::kScan;
   now.commissioned = true;
   EXPECT_EQ(guide(now).instruction, "All stations are taken. Press Finish for the hole's edge and the torch's path.");
+  now.measured = true;
+  EXPECT_EQ(guide(now).instruction, "The hole is measured: its report shows edge and path.");
   now.stations->clear();
   EXPECT_EQ(guide(now).instruction, "The job has no station to scan.");
   now.stage = LiveStage::kCommission;
