@@ -299,21 +299,26 @@ Reading<Cloud> read_ascii(const Header& header, std::string_view data) {
   return points->take();
 }
 
+/// PCL fills its binary files up to a page with zeros.
+bool is_filling(std::string_view rest) {
+  constexpr std::size_t kLargestPage = std::size_t{1} << 16;
+  return rest.size() < kLargestPage && rest.find_first_not_of('\0') == std::string_view::npos;
+}
+
 /// Records one after the other, or, where the data were compressed, all values of a field one after the other.
 Reading<Cloud> read_numbers(const Header& header, std::string_view data, bool by_field) {
-  if (header.points * header.record_bytes() != data.size())
-    return tl::unexpected<std::string>(data.size() < header.points * header.record_bytes()
-                                           ? "the file is cut off"
-                                           : "it holds more data than its header describes");
+  const std::size_t size = header.points * header.record_bytes();
+  if (data.size() < size) return tl::unexpected<std::string>("the file is cut off");
+  if (!is_filling(data.substr(size))) return tl::unexpected<std::string>("it holds more data than its header describes");
   auto points = Points::begin(header);
   if (!points) return tl::unexpected<std::string>(points.error());
   for (std::uint64_t i = 0; i < header.points; ++i) {
     std::size_t before = 0;  // bytes of the fields before, in a record
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
-      const std::size_t size = header.fields[f].bytes * header.fields[f].count;
-      const std::size_t at = by_field ? header.points * before + i * size : i * header.record_bytes() + before;
+      const std::size_t width = header.fields[f].bytes * header.fields[f].count;
+      const std::size_t at = by_field ? header.points * before + i * width : i * header.record_bytes() + before;
       points->put(f, number_of(data.data() + at, header.fields[f]));
-      before += size;
+      before += width;
     }
     if (auto done = points->finish(i); !done) return tl::unexpected<std::string>(done.error());
   }
@@ -326,8 +331,7 @@ Reading<Cloud> read_compressed(const Header& header, std::string_view data) {
   std::memcpy(sizes.data(), data.data(), sizeof sizes);
   data.remove_prefix(sizeof sizes);
   if (data.size() < sizes[0]) return tl::unexpected<std::string>("the file is cut off");
-  if (data.size() > sizes[0] && data.find_first_not_of('\0', sizes[0]) != std::string_view::npos)  // PCL fills up with zeros
-    return tl::unexpected<std::string>("it holds more data than its header describes");
+  if (!is_filling(data.substr(sizes[0]))) return tl::unexpected<std::string>("it holds more data than its header describes");
   if (header.points * header.record_bytes() != sizes[1])
     return tl::unexpected<std::string>("its compressed data are of another size than its header says");
   const auto bytes = detail::lzf_expanded(data.substr(0, sizes[0]), sizes[1]);

@@ -139,7 +139,8 @@ Result<> write_points(const Wish& wish, const Exchanged& content, Session& sessi
   if (std::holds_alternative<base::ColmapModel>(content) && wish.unit.empty()) {
     session.say("COLMAP's files name no unit; mm is taken, as in those that crosstie writes (--unit says otherwise)");
   }
-  if (ending == ".ply" || ending == ".pcd" || (std::holds_alternative<base::Cloud>(content) && ending != ".obc")) {
+  if (ending == ".ply" || ending == ".pcd" || ending == ".txt" ||
+      (std::holds_alternative<base::Cloud>(content) && ending != ".obc")) {
     const auto cloud = cloud_of(content, wish.unit_mm);
     if (!cloud) return tl::unexpected(cloud.error());
     if (!*cloud) return impossible(wish);

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """The operator's page for an hour: browsers that watch, one that hardly reads, one that comes and goes, and an operator.
 
   page.py CROSSTIE [MINUTES] [SCENE]     (default 60 minutes, scene segment)
@@ -27,7 +26,7 @@ SETTLED_SHARE = 0.5  # of the time, at the end: the operator's computations are 
 class Counters:
     def __init__(self):
         self.lock = threading.Lock()
-        self.states = self.pictures = self.visits = self.taken = 0
+        self.states = self.pictures = self.visits = self.taken = self.reconnected = 0
         self.troubles = []
 
     def add(self, name, count=1):
@@ -129,6 +128,11 @@ class Page:
                 continue
             stages = {stage["name"]: stage for stage in state["stages"]}
             now = stages[state["stage"]]
+            if any(camera["trouble"] for camera in state["cameras"]):
+                self.command(command="reconnect")
+                self.counters.add("reconnected")
+                self.ended.wait(10.0)
+                continue
             later = [stage["name"] for stage in state["stages"] if stage["state"] != "done"]
             if now["state"] == "done" and later:
                 self.command(command="stage", name=later[0])
@@ -221,9 +225,10 @@ def main():
           f"last {len(settled)} samples {slope:+.2f} +- {sigma:.2f} MB/h; threads {min(threads)} to {max(threads)}")
     shown = [(c["side"], c["frames"], c["dropped"], c["lost"], c["swapped"], c["incomplete"]) for c in state["cameras"]]
     print(f"pairs: {state['pairs']}; cameras (frames, dropped, lost, swapped, incomplete): {shown}")
-    print(f"read: {counters.states} states, {counters.pictures} pictures, {counters.visits} visits, {counters.taken} commands to take")
+    print(f"read: {counters.states} states, {counters.pictures} pictures, {counters.visits} visits, {counters.taken} commands to take, "
+          f"{counters.reconnected} times connected again")
     for line in state["log"]:
-        if line["level"] != "OK" and line["level"] != "info":
+        if line["level"] == "error":
             print(f"log: {line}")
     bad = list(counters.troubles)
     if died is not None:
