@@ -139,6 +139,7 @@ void image(double scale) {
     const double factor = std::sqrt(1e6 * megapixels / (camera.camera->width_px() * camera.camera->height_px()));
     Eigen::VectorXd p = camera.camera->parameters();
     p.head<4>() *= factor;
+    camera.sensor.bits = 8;
     camera.camera = checked(base::Camera::make(camera.camera->model(), static_cast<int>(camera.camera->width_px() * factor),
                                                static_cast<int>(camera.camera->height_px() * factor), p));
     const base::Image picture = checked(fixtures::render(scene, 0, 1));
@@ -164,7 +165,7 @@ void image(double scale) {
   }
 }
 
-/// Photographs from all sides of points in a box of 3 m x 2 m x 0.6 m, each of which shows a share of them.
+/// Photographs from all sides of points in a box of 3 m x 2 m x 0.6 m, each of which is seen from one side of them.
 base::Network network_of(int images, int points, int rays_of_point) {
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
@@ -176,6 +177,8 @@ base::Network network_of(int images, int points, int rays_of_point) {
   for (int i = 0; i < points; ++i)
     truth.emplace_back(1500.0 * uniform(random), 1000.0 * uniform(random), 300.0 * uniform(random));
   std::uniform_int_distribution<int> chance(0, images - 1);
+  std::vector<int> middle;  // of the photographs that show a point, which are neighbours
+  for (int k = 0; k < points; ++k) middle.push_back(chance(random));
   for (int i = 0; i < images; ++i) {
     const double around = 2.0 * std::numbers::pi * i / images, height = 0.6 + 0.5 * (i % 3) / 2.0;
     const Eigen::Vector3d place =
@@ -187,7 +190,8 @@ base::Network network_of(int images, int points, int rays_of_point) {
     seen.width_px = 4000;
     seen.height_px = 3000;
     for (int k = 0; k < points; ++k) {
-      if (chance(random) >= rays_of_point) continue;
+      const int apart = std::abs(middle[static_cast<std::size_t>(k)] - i);
+      if (2 * std::min(apart, images - apart) > rays_of_point) continue;
       const auto pixel = camera.project(pose.inverse() * truth[static_cast<std::size_t>(k)]);
       if (!pixel || pixel->minCoeff() < 10.0 || pixel->x() > 3990.0 || pixel->y() > 2990.0) continue;
       base::Observation one;
@@ -220,7 +224,10 @@ void adjust(double scale) {
                 adjusted.iterations);
   };
   Growth photographs("adjust, 300 points: photographs"), points("adjust, 200 photographs: points");
-  for (const int images : {50, 100, 200}) row(photographs, images, images, 300, images / 2);
+  for (const int images : {50, 100, 200}) {
+    if (images > 200 * scale) continue;
+    row(photographs, images, images, 300, images / 2);
+  }
   for (const double share : {0.02, 0.1, 1.0}) {
     const int count = static_cast<int>(20000 * scale * share);
     row(points, count, 200, count, 12);
@@ -243,7 +250,7 @@ void job(const fs::path& folder, int stations, int photographs) {
     fixtures::View view = views[static_cast<std::size_t>(i) % views.size()];
     // Each time round a little farther to the side.
     const int round = i / static_cast<int>(views.size());
-    view.name = fmt::format("n{:03}", i);
+    view.name = fmt::format("{}_{:03}", scene.cameras[static_cast<std::size_t>(view.camera)].name, i);
     view.scene_from_camera.translation_mm +=
         view.scene_from_camera.rotation *
         Eigen::Vector3d(17.0 * (round % 7) - 51.0, 23.0 * (round % 5) - 46.0, -15.0 * (round % 3));
