@@ -1,44 +1,18 @@
 #include "app/exchange.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include <fmt/core.h>
 
-#include "base/aicon_files.h"
-#include "base/cloud.h"
 #include "base/file.h"
-#include "base/kalibr.h"
-#include "base/network_reader.h"
-#include "base/ply.h"
 
 namespace crosstie::app {
 namespace {
 
-namespace fs = std::filesystem;
 using base::ErrorCode;
 using base::Result;
-
-template <typename T>
-Result<Exchanged> as_exchanged(Result<T> read) {
-  if (!read) return base::fail(std::move(read));
-  return Exchanged(*std::move(read));
-}
-
-bool is_camera_file(const fs::path& path) {
-  return path.extension() == ".cameramodel" || path.extension() == ".yaml" || path.extension() == ".yml";
-}
-
-Result<Exchanged> read_folder(const fs::path& folder) {
-  std::error_code ignored;
-  if (fs::exists(folder / "result.json", ignored)) return as_exchanged(base::read_adjusted_network(folder));
-  if (base::colmap_format_of(folder)) return as_exchanged(base::read_colmap_model(folder));
-  return base::fail(
-      ErrorCode::kUsage,
-      fmt::format("{} is neither a result of adjust (result.json) nor a COLMAP model (cameras, images and points3D "
-                  "as .txt or .bin); possible: {}",
-                  base::shown(folder), kConversions));
-}
 
 /// Ids of a COLMAP model become those of a list.
 Result<FramedPoints> list_of(const base::ColmapModel& model, double unit_mm) {
@@ -59,7 +33,28 @@ FramedPoints list_of(const base::AdjustedNetwork& network) {
   return points;
 }
 
-base::Cloud cloud_of(const FramedPoints& points) {
+Result<FramedPoints> list_of(const base::Cloud& cloud) {
+  const auto ids = std::find_if(cloud.fields.begin(), cloud.fields.end(), [](const auto& field) { return field.name == "id"; });
+  if (ids == cloud.fields.end())
+    return base::fail(ErrorCode::kUsage,
+                      "the points of this cloud have no ids (a field id); .ply, .pcd, .csv and .txt do without");
+  FramedPoints points{cloud.frame, {}};
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    const double id = ids->values[i];
+    if (id != std::floor(id) || id < 0.0 || id > std::numeric_limits<int>::max())
+      return base::fail(ErrorCode::kBadInput, fmt::format("point {} of the cloud: {} is no id", i, id));
+    points.list.points.push_back({static_cast<int>(id), cloud.points[i], std::nullopt});
+    if (!cloud.cov_mm2.empty()) points.list.points.back().cov_mm2 = cloud.cov_mm2[i];
+  }
+  auto& list = points.list.points;
+  std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  const auto twice = std::adjacent_find(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.id == b.id; });
+  if (twice != list.end())
+    return base::fail(ErrorCode::kBadInput, fmt::format("the cloud has two points with id {}", twice->id));
+  return points;
+}
+
+base::Cloud cloud_of_list(const FramedPoints& points) {
   base::Cloud cloud;
   cloud.frame = points.frame;
   base::CloudField id{"id", {}};
@@ -81,35 +76,32 @@ base::Cloud cloud_of(const FramedPoints& points) {
   return cloud;
 }
 
-}  // namespace
-
-Result<Exchanged> read_exchanged(const fs::path& path, const std::string& unit, const std::string& camera) {
-  std::error_code ignored;
-  if (fs::is_directory(path, ignored)) return read_folder(path);
-  if (path.extension() == ".json") {
-    if (path.filename() != "result.json") {
-      return base::fail(ErrorCode::kUsage, fmt::format("{} is no result.json; possible: {}", base::shown(path), kConversions));
-    }
-    return as_exchanged(base::read_adjusted_network(path.has_parent_path() ? path.parent_path() : "."));
-  }
-  if (is_camera_file(path)) return as_exchanged(base::read_named_camera(path, camera));
-  if (path.extension() == ".csv" || path.extension() == ".txt" || path.extension() == ".obc") {
-    auto list = base::read_point_list(path, {unit});
-    if (!list) return base::fail(std::move(list));
-    return Exchanged(FramedPoints{"", *std::move(list)});
-  }
-  return base::fail(ErrorCode::kUsage, fmt::format("cannot convert from {}; possible: {}", base::shown(path), kConversions));
+std::vector<PlacedCamera> cameras_of(const base::AdjustedNetwork& network) {
+  std::vector<PlacedCamera> cameras;
+  for (const base::AdjustedCamera& one : network.cameras) cameras.push_back({one.name, one.camera, std::nullopt});
+  return cameras;
 }
 
+}  // namespace
+
 Result<std::optional<FramedPoints>> points_of(const Exchanged& content, double colmap_unit_mm) {
-  if (const auto* points = std::get_if<FramedPoints>(&content)) return std::optional(*points);
-  if (const auto* network = std::get_if<base::AdjustedNetwork>(&content)) return std::optional(list_of(*network));
-  if (const auto* model = std::get_if<base::ColmapModel>(&content)) {
-    auto points = list_of(*model, colmap_unit_mm);
+  const auto some = [](Result<FramedPoints> points) -> Result<std::optional<FramedPoints>> {
     if (!points) return base::fail(std::move(points));
     return std::optional(*std::move(points));
-  }
+  };
+  if (const auto* points = std::get_if<FramedPoints>(&content)) return std::optional(*points);
+  if (const auto* network = std::get_if<base::AdjustedNetwork>(&content)) return std::optional(list_of(*network));
+  if (const auto* model = std::get_if<base::ColmapModel>(&content)) return some(list_of(*model, colmap_unit_mm));
+  if (const auto* cloud = std::get_if<base::Cloud>(&content)) return some(list_of(*cloud));
   return std::nullopt;
+}
+
+Result<std::optional<base::Cloud>> cloud_of(const Exchanged& content, double colmap_unit_mm) {
+  if (const auto* cloud = std::get_if<base::Cloud>(&content)) return std::optional(*cloud);
+  const auto points = points_of(content, colmap_unit_mm);
+  if (!points) return tl::unexpected(points.error());
+  if (!*points) return std::nullopt;
+  return std::optional(cloud_of_list(**points));
 }
 
 std::optional<base::ColmapModel> colmap_of(const Exchanged& content) {
@@ -118,10 +110,25 @@ std::optional<base::ColmapModel> colmap_of(const Exchanged& content) {
   return std::nullopt;
 }
 
-Result<> write_points(const fs::path& path, const FramedPoints& points) {
-  if (path.extension() == ".obc") return base::write_aicon_object_points(path, points.list);
-  if (path.extension() == ".ply") return base::write_ply(path, cloud_of(points));
-  return base::write_point_list(path, points.list);
+std::vector<PlacedCamera> cameras_of(const Exchanged& content) {
+  if (const auto* cameras = std::get_if<std::vector<PlacedCamera>>(&content)) return *cameras;
+  if (const auto* network = std::get_if<base::AdjustedNetwork>(&content)) return cameras_of(*network);
+  std::vector<PlacedCamera> cameras;
+  if (const auto* model = std::get_if<base::ColmapModel>(&content)) {
+    for (const base::ColmapCamera& one : model->cameras) cameras.push_back({std::to_string(one.id), one.camera, std::nullopt});
+  }
+  return cameras;
+}
+
+Result<PlacedCamera> chosen_camera(const std::vector<PlacedCamera>& cameras, const std::string& name) {
+  if (cameras.size() == 1 && (name.empty() || cameras.front().name.empty())) return cameras.front();
+  std::string names;
+  for (const PlacedCamera& one : cameras) {
+    if (one.name == name) return one;
+    names += (names.empty() ? "" : ", ") + one.name;
+  }
+  return base::fail(ErrorCode::kUsage, fmt::format("{}; --camera is one of {}",
+                                                   name.empty() ? std::string("several cameras") : "no camera " + name, names));
 }
 
 }  // namespace crosstie::app

@@ -228,22 +228,28 @@ Result<Camera> read_named_camera(const std::filesystem::path& path, const std::s
   return is_kalibr_chain(text) ? read_of_chain(path, text, name) : read_opencv_yaml(path, text);
 }
 
-Result<> write_cameramodel(const std::filesystem::path& path, const Camera& camera) {
+Result<> write_cameramodel(const std::filesystem::path& path, const Camera& camera, const Pose& camera_from_reference) {
+  constexpr double kMetre_mm = 1000.0;
+  Eigen::VectorXd extrinsics(6);
+  extrinsics << rotation_log(camera_from_reference.rotation), camera_from_reference.translation_mm / kMetre_mm;
+  const bool placed = !extrinsics.isZero(0.0);
   std::string names;
   for (const auto name : parameter_names(camera.model()))
     fmt::format_to(std::back_inserter(names), "{}{}", names.empty() ? "" : " ", name);
-  return write_file_atomically(path, fmt::format("{{\n"
-                                                 "    'lensmodel':  '{}',\n\n"
-                                                 "    # {}\n"
-                                                 "    'intrinsics': [ {} ],\n\n"
-                                                 "{}{}"
-                                                 "    # none: the frame is the camera's own\n"
-                                                 "    'extrinsics': [ 0, 0, 0, 0, 0, 0 ],\n\n"
-                                                 "    'imagersize': [ {}, {} ]\n"
-                                                 "}}\n",
-                                                 lens_model_name(camera.model()), names, joined(camera.parameters()),
-                                                 region_text(camera.valid_region_px()), covariance_text(camera.covariance()),
-                                                 camera.width_px(), camera.height_px()));
+  return write_file_atomically(
+      path, fmt::format("{{\n"
+                        "    'lensmodel':  '{}',\n\n"
+                        "    # {}\n"
+                        "    'intrinsics': [ {} ],\n\n"
+                        "{}{}"
+                        "    # {}\n"
+                        "    'extrinsics': [ {} ],\n\n"
+                        "    'imagersize': [ {}, {} ]\n"
+                        "}}\n",
+                        lens_model_name(camera.model()), names, joined(camera.parameters()),
+                        region_text(camera.valid_region_px()), covariance_text(camera.covariance()),
+                        placed ? "from the common frame to the camera's: rad, m" : "none: the frame is the camera's own",
+                        joined(extrinsics), camera.width_px(), camera.height_px()));
 }
 
 Result<> write_opencv_yaml(const std::filesystem::path& path, const Camera& camera) {

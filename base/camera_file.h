@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "base/camera.h"
+#include "base/pose.h"
 #include "base/result.h"
 
 namespace crosstie::base {
@@ -12,9 +13,10 @@ namespace crosstie::base {
 /// inputs are passed over; valid_intrinsics_region and our own key intrinsics_covariance are taken where they are.
 Result<Camera> read_camera(const std::filesystem::path& path);
 
-/// Writes mrcal's `.cameramodel` with 17 significant digits (mrcal 2.2's own writer keeps six decimals) and identity
-/// extrinsics; with the valid region and the covariance where the camera has them (mrcal passes over the latter).
-Result<> write_cameramodel(const std::filesystem::path& path, const Camera& camera);
+/// Writes mrcal's `.cameramodel` with 17 significant digits (mrcal 2.2's own writer keeps six decimals); with the valid region and the
+/// covariance where the camera has them (mrcal passes over the latter). The extrinsics are where the camera sits in a frame that several share,
+/// rotation vector [rad] and translation in metres, the unit of mrcal's tools; identity by default.
+Result<> write_cameramodel(const std::filesystem::path& path, const Camera& camera, const Pose& camera_from_reference = {});
 
 /// Writes OpenCV's YAML with 17 significant digits.
 Result<> write_opencv_yaml(const std::filesystem::path& path, const Camera& camera);

@@ -32,6 +32,11 @@ Result<std::vector<KalibrCamera>> read_kalibr_chain(const std::filesystem::path&
 /// The same for a text in memory; `path` is what error messages name.
 Result<std::vector<KalibrCamera>> parse_kalibr_chain(const std::filesystem::path& path, std::string_view text);
 
+/// Writes a chain that kalibr reads, with 17 significant digits: cam0, cam1, ... in the order of `cameras` (their own names are lost), T_cn_cnm1
+/// in metres where `camera_from_previous` is known. An Error (kUsage) names a camera that is neither pinhole nor opencv4; one with more
+/// coefficients only where those that radtan lacks are zero.
+Result<> write_kalibr_chain(const std::filesystem::path& path, const std::vector<KalibrCamera>& cameras);
+
 /// A camera file of any kind (base/camera_file.h); of a chain `name` says which, and may be empty where there is one only. kUsage, with the
 /// names that there are, where the chain has no such camera.
 Result<Camera> read_named_camera(const std::filesystem::path& path, const std::string& name);

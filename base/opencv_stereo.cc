@@ -55,7 +55,43 @@ Result<Camera> camera(const detail::YamlDocument& yaml, const fs::path& path, co
   return bad(path, fmt::format("D{} has {} coefficients; 4, 5, 8, 12 or 14 (the last two 0) are known", number, d->size()));
 }
 
+template <typename Matrix>
+std::string matrix_text(const char* key, const Matrix& matrix) {
+  std::string values;
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j)
+      values += fmt::format("{}{:.17g}", values.empty() ? "" : ", ", matrix(i, j));
+  }
+  return fmt::format("{}: !!opencv-matrix\n   rows: {}\n   cols: {}\n   dt: d\n   data: [ {} ]\n", key, matrix.rows(),
+                     matrix.cols(), values);
+}
+
+Result<std::string> lens_text(const fs::path& path, const char* number, const Camera& camera) {
+  if (camera.model().is_splined() || camera.model() == LensModel::kAicon) {
+    return fail(ErrorCode::kUsage,
+                fmt::format("{}: OpenCV has no lens model {}", shown(path), lens_model_name(camera.model())));
+  }
+  const Eigen::VectorXd& p = camera.parameters();
+  Eigen::Matrix3d m;
+  m << p[0], 0.0, p[2], 0.0, p[1], p[3], 0.0, 0.0, 1.0;
+  const Eigen::RowVectorXd d =
+      p.size() > 4 ? Eigen::RowVectorXd(p.tail(p.size() - 4).transpose()) : Eigen::RowVectorXd::Zero(4);
+  return matrix_text(fmt::format("M{}", number).c_str(), m) + matrix_text(fmt::format("D{}", number).c_str(), d);
+}
+
 }  // namespace
+
+Result<> write_opencv_stereo(const fs::path& intrinsic, const fs::path& extrinsic, const Camera& left, const Camera& right,
+                             const Pose& right_from_left) {
+  const auto first = lens_text(intrinsic, "1", left);
+  if (!first) return tl::unexpected(first.error());
+  const auto second = lens_text(intrinsic, "2", right);
+  if (!second) return tl::unexpected(second.error());
+  if (auto written = write_file_atomically(intrinsic, "%YAML:1.0\n---\n" + *first + *second); !written) return written;
+  const Eigen::Matrix3d r = right_from_left.rotation.toRotationMatrix();
+  return write_file_atomically(extrinsic,
+                               "%YAML:1.0\n---\n" + matrix_text("R", r) + matrix_text("T", right_from_left.translation_mm));
+}
 
 Result<Head> read_opencv_stereo(const fs::path& intrinsic, const fs::path& extrinsic, int width_px, int height_px) {
   const auto lenses = document(intrinsic);

@@ -13,4 +13,8 @@ namespace crosstie::base {
 Result<Head> read_opencv_stereo(const std::filesystem::path& intrinsic, const std::filesystem::path& extrinsic, int width_px,
                                 int height_px);
 
+/// Writes such a pair with 17 significant digits; T in mm. An Error (kUsage) names the model that OpenCV does not have.
+Result<> write_opencv_stereo(const std::filesystem::path& intrinsic, const std::filesystem::path& extrinsic, const Camera& left,
+                             const Camera& right, const Pose& right_from_left);
+
 }  // namespace crosstie::base

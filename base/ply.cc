@@ -30,6 +30,9 @@ constexpr std::string_view kBlanks = " \t\r\n";
 constexpr std::array<std::string_view, 12> kNames = {"x",      "y",      "z",      "nx",     "ny",     "nz",
                                                      "cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz"};
 constexpr std::string_view kFieldPrefix = "scalar_";
+/// MeshLab shows no scalar but this one; a comment says which field it repeats.
+constexpr std::string_view kQuality = "quality";
+constexpr std::string_view kQualityComment = "quality is ";
 
 /// Reads values one after the other; nothing at the end of the data or where no number stands.
 class ValueReader {
@@ -161,13 +164,13 @@ struct Target {
 };
 
 /// Every value of a vertex has its target; the error is the reason.
-tl::expected<std::vector<Target>, std::string> targets_of(const PlyElement& vertex, Cloud& cloud) {
+tl::expected<std::vector<Target>, std::string> targets_of(const PlyElement& vertex, bool skip_quality, Cloud& cloud) {
   std::array<bool, kNames.size()> present{};
   std::vector<Target> targets;
   for (const PlyProperty& property : vertex.properties) {
     Target target;
     const auto known = std::find(kNames.begin(), kNames.end(), property.name);
-    if (property.is_list) {
+    if (property.is_list || (skip_quality && property.name == kQuality)) {
       // read over
     } else if (known != kNames.end()) {
       target.name = static_cast<std::size_t>(known - kNames.begin());
@@ -195,8 +198,8 @@ tl::expected<std::vector<Target>, std::string> targets_of(const PlyElement& vert
 }
 
 /// The error is the reason.
-tl::expected<void, std::string> read_vertices(ValueReader& values, const PlyElement& vertex, Cloud& cloud) {
-  const auto targets = targets_of(vertex, cloud);
+tl::expected<void, std::string> read_vertices(ValueReader& values, const PlyElement& vertex, bool skip_quality, Cloud& cloud) {
+  const auto targets = targets_of(vertex, skip_quality, cloud);
   if (!targets) return tl::unexpected<std::string>(targets.error());
   const bool has_normals = cloud.normals.capacity() > 0;
   const bool has_covariances = cloud.cov_mm2.capacity() > 0;
@@ -228,7 +231,9 @@ tl::expected<Mesh, std::string> read_mesh(std::string_view bytes, bool with_face
   if (!header) return tl::unexpected<std::string>(header.error());
   Mesh mesh;
   Cloud& cloud = mesh.vertices;
+  bool skip_quality = false;
   for (const std::string& comment : header->comments) {
+    skip_quality = skip_quality || comment.starts_with(kQualityComment);
     if (comment.starts_with("frame ")) cloud.frame = trim(comment.substr(6));
     if (comment.starts_with("unit ") && trim(comment.substr(5)) != "mm") {
       return tl::unexpected<std::string>(fmt::format("its {}, but clouds are in mm", comment));
@@ -240,7 +245,8 @@ tl::expected<Mesh, std::string> read_mesh(std::string_view bytes, bool with_face
     if (element.name == "vertex") {
       if (has_vertices) return tl::unexpected<std::string>("it has two elements vertex");
       has_vertices = true;
-      if (auto read = read_vertices(values, element, cloud); !read) return tl::unexpected<std::string>(std::move(read).error());
+      if (auto read = read_vertices(values, element, skip_quality, cloud); !read)
+        return tl::unexpected<std::string>(std::move(read).error());
     } else if (with_faces && element.name == "face") {
       if (!has_vertices) return tl::unexpected<std::string>("its faces stand before its vertices");
       if (auto read = read_faces(values, element, mesh); !read) return tl::unexpected<std::string>(std::move(read).error());
@@ -285,6 +291,24 @@ std::string fault(const Cloud& cloud) {
   return "";
 }
 
+/// The field that MeshLab is to show: the first sigma, else the first; nothing where the cloud has none, or one of that name.
+const CloudField* quality_of(const Cloud& cloud) {
+  const CloudField* shown = nullptr;
+  for (const CloudField& field : cloud.fields) {
+    if (field.name == kQuality) return nullptr;
+    const bool better = shown == nullptr || (field.name.starts_with("sigma") && !shown->name.starts_with("sigma"));
+    if (better) shown = &field;
+  }
+  return shown;
+}
+
+/// Whole numbers beyond 2^24 (ids) are not all floats.
+bool needs_double(const CloudField& field) {
+  constexpr double kFloatIntegers = 16777216.0;
+  return std::any_of(field.values.begin(), field.values.end(),
+                     [](double v) { return std::abs(v) > kFloatIntegers && v == std::floor(v); });
+}
+
 }  // namespace
 
 Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const PlyOptions& options) {
@@ -293,12 +317,19 @@ Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const 
   }
   std::string bytes = "ply\nformat binary_little_endian 1.0\ncomment unit mm\n";
   if (!cloud.frame.empty()) bytes += fmt::format("comment frame {}\n", cloud.frame);
+  const CloudField* quality = quality_of(cloud);
+  if (quality != nullptr) bytes += fmt::format("comment {}{}{}\n", kQualityComment, kFieldPrefix, quality->name);
   bytes += fmt::format("element vertex {}\n", cloud.points.size());
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     if ((i >= 3 && i < 6 && cloud.normals.empty()) || (i >= 6 && cloud.cov_mm2.empty())) continue;
     bytes += fmt::format("property {} {}\n", i < 3 && options.double_coordinates ? "double" : "float", kNames[i]);
   }
-  for (const CloudField& field : cloud.fields) bytes += fmt::format("property float {}{}\n", kFieldPrefix, field.name);
+  if (quality != nullptr) bytes += fmt::format("property float {}\n", kQuality);
+  std::vector<bool> as_double;
+  for (const CloudField& field : cloud.fields) {
+    as_double.push_back(needs_double(field));
+    bytes += fmt::format("property {} {}{}\n", as_double.back() ? "double" : "float", kFieldPrefix, field.name);
+  }
   bytes += "end_header\n";
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
     for (int k = 0; k < 3; ++k) append(bytes, cloud.points[i][k], options.double_coordinates);
@@ -306,7 +337,8 @@ Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const 
     for (int r = 0; r < 3 && !cloud.cov_mm2.empty(); ++r) {
       for (int c = r; c < 3; ++c) append(bytes, cloud.cov_mm2[i](r, c), false);
     }
-    for (const CloudField& field : cloud.fields) append(bytes, field.values[i], false);
+    if (quality != nullptr) append(bytes, quality->values[i], false);
+    for (std::size_t f = 0; f < cloud.fields.size(); ++f) append(bytes, cloud.fields[f].values[i], as_double[f]);
   }
   return write_file_atomically(path, bytes);
 }

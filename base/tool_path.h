@@ -62,6 +62,10 @@ struct ToolPath {
 /// path.json (docs/formats.md), atomically.
 Result<> write_tool_path_json(const std::filesystem::path& path, const ToolPath& tool_path);
 
+/// Reads it back. Errors: kFileSystem; kBadInput with the file for another format or unit, missing members, directions without unit
+/// length, values that are not finite, and less than two points.
+Result<ToolPath> read_tool_path_json(const std::filesystem::path& path);
+
 /// s_mm,time_s,x_mm,y_mm,z_mm,tx,ty,tz,nx,ny,nz,torch_x,torch_y,torch_z,speed_mm_per_s,correction_u_mm,correction_v_mm,sigma_u_mm,
 /// sigma_v_mm,sigma_torch_u_rad,sigma_torch_t_rad,source; atomically.
 Result<> write_tool_path_csv(const std::filesystem::path& path, const ToolPath& tool_path);

@@ -1,6 +1,7 @@
 // Numbers are read and written with a point, whatever the process's locale says.
 #include <clocale>
 #include <cstdlib>
+#include <functional>
 #include <locale>
 #include <optional>
 
@@ -80,7 +81,9 @@ TEST(Locale, DecimalCommaChangesNothing) {
   EXPECT_EQ(*read_json(folder / "a.json"), json);
 
   const Camera camera = *Camera::nominal(LensModel::kOpenCv5, 1640, 1480, 1800.5);
-  for (const auto& write : {write_cameramodel, write_opencv_yaml}) {
+  using Write = std::function<Result<>(const std::filesystem::path&, const Camera&)>;
+  for (const Write& write :
+       {Write([](const auto&to, const Camera&one) { return write_cameramodel(to, one); }), Write(write_opencv_yaml)}) {
     ASSERT_TRUE(write(folder / "camera", camera));
     const auto again = read_camera(folder / "camera");
     ASSERT_TRUE(again) << again.error().message << tests::read_all(folder / "camera");

@@ -18,6 +18,7 @@
 #include "base/npy.h"
 #include "base/opencv_stereo.h"
 #include "base/pattern_sequence.h"
+#include "base/pcd.h"
 #include "base/ply.h"
 #include "base/point_list.h"
 #include "base/result_document.h"
@@ -353,6 +354,15 @@ std::vector<Reader> readers() {
                   "  intrinsics: [1000.5, 1001.25, 319.5, 239.5]\n  resolution: [640, 480]\n",
                   true, true, "1001.25"},
                  camera});
+  const auto pcd = answer([](const fs::path& p) { return base::read_pcd(p); });
+  all.push_back({"binary PCD", {contents_of([](const fs::path& p) { return base::write_pcd(p, some_cloud()); })}, pcd});
+  all.back().takes_mark = false;
+  all.push_back(
+      {"ASCII PCD",
+       {"FIELDS x y z id\nSIZE 4 4 4 4\nTYPE F F F I\nCOUNT 1 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3 7\n4 5 6 "
+        "8\n"},
+       pcd});
+  all.back().takes_mark = false;
   all.push_back({"binary PLY", {contents_of([](const fs::path& p) { return base::write_ply(p, some_cloud()); })}, ply});
   all.push_back({"ASCII PLY",
                  {"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"

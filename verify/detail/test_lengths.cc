@@ -35,13 +35,15 @@ std::vector<Candidate> candidates(const Partners& partners, const CompareOptions
   const std::size_t pairs = used.size() * (used.size() - 1) / 2;
   const std::size_t stride = pairs / kMaxCandidates + 1;
   std::vector<Candidate> result;
-  std::size_t counter = 0;
+  std::size_t next = 0;  // of the pairs of i, the first that is looked at: pairs are numbered row by row
   for (std::size_t i = 0; i < used.size(); ++i) {
-    for (std::size_t j = i + 1; j < used.size(); ++j) {
-      if (counter++ % stride != 0) continue;
+    const std::size_t row = used.size() - 1 - i;
+    for (; next < row; next += stride) {
+      const std::size_t j = i + 1 + next;
       if (defines_scale(options, partners.ids[used[i]], partners.ids[used[j]])) continue;
       result.push_back({(partners.pairs[used[i]].a_mm - partners.pairs[used[j]].a_mm).norm(), used[i], used[j]});
     }
+    next -= row;
   }
   std::sort(result.begin(), result.end(), [](const Candidate& p, const Candidate& q) {
     return std::tie(p.nominal_mm, p.a, p.b) < std::tie(q.nominal_mm, q.a, q.b);
