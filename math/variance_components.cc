@@ -176,8 +176,8 @@ Result<std::vector<VarianceFactor>> variance_components(const Parameters& parame
     }
     const VectorXd r = redundancy(free);
     const VectorXd q = square(free);
-    const MatrixXd s = information(at, *equations, local, members_of(at, local, static_cast<int>(free.size())), r,
-                                   options.probes);
+    const MatrixXd s =
+        information(at, *equations, local, members_of(at, local, static_cast<int>(free.size())), r, options.probes);
     const Eigen::FullPivLU<MatrixXd> lu(s);
     // Far from the estimate Foerstner's step; near it Helmert's, S (log change) = q - r, which keeps factors positive.
     const VectorXd ratio = q.cwiseQuotient(r);

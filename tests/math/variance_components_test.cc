@@ -82,7 +82,8 @@ TEST(VarianceComponents, OfManyReadingsHaveTheirSigmasFromSampledTraces) {
   const Eigen::Index n = 700;
   MatrixXd a(n, 2);
   for (int g = 0; g < n; ++g)
-    a.row(g) = line.rows.jacobian(g, 0).row(0) / std::sqrt((*found)[static_cast<std::size_t>(line.component[static_cast<std::size_t>(g)])].factor);
+    a.row(g) = line.rows.jacobian(g, 0).row(0) /
+               std::sqrt((*found)[static_cast<std::size_t>(line.component[static_cast<std::size_t>(g)])].factor);
   const MatrixXd m = MatrixXd::Identity(n, n) - a * (a.transpose() * a).ldlt().solve(a.transpose());
   Eigen::Matrix2d s;
   s << m.topLeftCorner(400, 400).squaredNorm(), m.topRightCorner(400, 300).squaredNorm(), 0.0,
