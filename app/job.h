@@ -106,6 +106,7 @@ struct JobNetwork {
   std::optional<std::filesystem::path> control;   ///< a point list with sigmas, or the result folder of another adjust
   std::optional<std::filesystem::path> datum;     ///< a point list, perhaps with the column axes
   bool uncoded = true;                            ///< match and adjust the dots without a code, too
+  bool apply_components = false;                  ///< variance_components = "apply": sigmas of each group by their residuals
 };
 
 /// `[rig]`: cameras on one mount; the first one's frame is the rig's.

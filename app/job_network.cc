@@ -9,7 +9,8 @@ namespace crosstie::app {
 void read_network(const JobTable& root, Job& job) {
   const auto table = root.table("network");
   if (!table) return;
-  table->check_keys("network", {"images", "scale_bars", "scale_from", "scale", "control", "datum", "uncoded"});
+  table->check_keys("network",
+                    {"images", "scale_bars", "scale_from", "scale", "control", "datum", "uncoded", "variance_components"});
   JobNetwork network;
   const auto images = table->table("images");
   const std::vector<std::string> cameras = images ? images->keys() : std::vector<std::string>{};
@@ -32,6 +33,9 @@ void read_network(const JobTable& root, Job& job) {
     table->complain("datum", "control points define the frame already: give datum or control, not both");
   }
   table->flag("uncoded", network.uncoded);
+  std::string components;
+  table->word("variance_components", {"tell", "apply"}, components);
+  network.apply_components = components == "apply";
   job.network = std::move(network);
 }
 

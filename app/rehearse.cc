@@ -103,7 +103,8 @@ Result<std::vector<Square>> draw(const Scene& scene, const base::ScenePlan& plan
   }
   std::optional<base::AdjustedNetwork> network;
   if (plan.network) {
-    auto result = bundle::adjust(survey_network(made, options), {.uncoded = false});
+    auto result = bundle::adjust(survey_network(made, options),
+                                 {.uncoded = false, .variance_components = bundle::VarianceComponents::kNone});
     if (!result) return fail(std::move(result));
     network = *std::move(result);
     add_network(made, *network, plan.network->expected, squares);

@@ -80,6 +80,7 @@ struct AiconTask {
   std::optional<std::filesystem::path> excluded;  ///< file of image points that do not take part
   std::vector<std::string> held = {"A3", "C1", "C2"};
   bool reject_outliers = false;
+  bool apply_components = false;  ///< sigmas of each group of observations by their residuals
 };
 
 /// an AICON project -> network coordinates in the datum of its object points.

@@ -33,6 +33,7 @@ ordered_json effective_options(const Job& job, const bundle::AdjustOptions& opti
     if (!camera.fixed.empty()) entry["fixed"] = camera.fixed;
     if (!camera.sigmas.empty()) entry["sigmas"] = camera.sigmas;
   }
+  json["variance_components"] = job.network->apply_components ? "apply" : "tell";
   if (job.network->scale_from) json["scale_from"] = {job.network->scale_from->first, job.network->scale_from->second};
   json["scale_is_free"] = job.network->scale_is_free;
   if (job.rig) json["rig"] = {{"name", job.rig->name}, {"cameras", job.rig->cameras}};
@@ -61,6 +62,7 @@ Result<> check_scale(const Job& job) {
 Result<StepOutcome> adjust_step(const Job& job, const fs::path& detection, const fs::path& out, Session& session) {
   bundle::AdjustOptions adjust_options;
   adjust_options.uncoded = job.network->uncoded;
+  if (job.network->apply_components) adjust_options.variance_components = bundle::VarianceComponents::kApply;
   const ordered_json options = effective_options(job, adjust_options);
   auto inputs = network_inputs(job, detection);
   if (!inputs) return base::fail(std::move(inputs));

@@ -38,11 +38,16 @@ Result<StepOutcome> adjust_aicon_step(const AiconTask& task, const fs::path& out
   if (!network) return base::fail(std::move(network));
   for (base::NetworkCamera& camera : network->cameras) camera.held = task.held;
   // AICON's weights are those of the observations, and its rays take part as they are.
-  const bundle::AdjustOptions how{.model_sigma_px = 0.0, .reject_outliers = task.reject_outliers, .min_angle_rad = 0.0};
+  const bundle::AdjustOptions how{
+      .model_sigma_px = 0.0,
+      .reject_outliers = task.reject_outliers,
+      .variance_components = task.apply_components ? bundle::VarianceComponents::kApply : bundle::VarianceComponents::kTell,
+      .min_angle_rad = 0.0};
   ordered_json options = {{"sigma_mm", reading.sigma_mm}};
   if (reading.sigma_px > 0.0) options = {{"sigma_px", reading.sigma_px}};
   options["fixed"] = task.held;
   options["reject_outliers"] = task.reject_outliers;
+  options["variance_components"] = task.apply_components ? "apply" : "tell";
   options["start_values"] = reading.start_values;
 
   auto folder = ResultFolder::begin(out);

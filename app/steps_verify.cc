@@ -6,12 +6,12 @@
 #include <nlohmann/json.hpp>
 
 #include "app/current.h"
+#include "app/point_covariance.h"
 #include "app/result_folder.h"
 #include "app/steps.h"
 #include "app/verdicts.h"
 #include "base/file.h"
 #include "base/json_file.h"
-#include "base/npy.h"
 #include "base/point_list.h"
 #include "base/result_document.h"
 #include "base/surface_document.h"
@@ -58,21 +58,6 @@ ordered_json effective_options(const VerificationTask& task, const verify::Compa
   if (task.limits.deviation_rms_mm) json["deviation_rms_mm"] = *task.limits.deviation_rms_mm;
   if (task.limits.deviation_max_mm) json["deviation_max_mm"] = *task.limits.deviation_max_mm;
   return json;
-}
-
-/// The points' own block of an adjustment's full covariance; empty where the result has none beside it.
-Result<Eigen::MatrixXd> point_covariance(const fs::path& result, std::size_t point_count) {
-  const fs::path file = result.parent_path() / "covariance.npy";
-  std::error_code ignored;
-  if (!fs::exists(file, ignored)) return Eigen::MatrixXd();
-  auto full = base::read_npy(file);
-  if (!full) return full;
-  const auto size = static_cast<Eigen::Index>(3 * point_count);
-  if (full->rows() != full->cols() || full->rows() < size) {
-    return base::fail(ErrorCode::kBadInput, fmt::format("{}: {} x {} is not the covariance of {} points", base::shown(file),
-                                                        full->rows(), full->cols(), point_count));
-  }
-  return full->bottomRightCorner(size, size).eval();
 }
 
 Result<base::Verification> compare_points(const VerificationTask& task, verify::CompareOptions options) {

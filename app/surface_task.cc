@@ -20,49 +20,6 @@ using base::ErrorCode;
 using base::fail;
 using base::Result;
 
-/// A rim from a table with x_mm y_mm z_mm nx ny nz in order; sigmas where there are columns.
-Result<base::EdgeCurve> read_rim(const fs::path& file) {
-  const auto table = base::read_table(file);
-  if (!table) return tl::unexpected(table.error());
-  std::vector<std::size_t> columns;
-  for (const char* name : {"x_mm", "y_mm", "z_mm", "nx", "ny", "nz"}) {
-    const auto column = table->column(name);
-    if (!column) return fail(ErrorCode::kBadInput, fmt::format("{}: a rim needs the column {}", base::shown(file), name));
-    columns.push_back(*column);
-  }
-  const auto sigma_u = table->column("sigma_u_mm");
-  const auto sigma_v = table->column("sigma_v_mm");
-  base::EdgeCurve rim;
-  for (std::size_t row = 0; row < table->rows.size(); ++row) {
-    base::EdgePoint p;
-    for (std::size_t k = 0; k < columns.size(); ++k) {
-      const auto value = table->number(row, columns[k]);
-      if (!value) return tl::unexpected(value.error());
-      (k < 3 ? p.point_mm : p.normal)(static_cast<Eigen::Index>(k % 3)) = *value;
-    }
-    for (const auto& [column, sigma] : {std::pair{sigma_u, &p.sigma_u_mm}, std::pair{sigma_v, &p.sigma_v_mm}}) {
-      if (!column) continue;
-      const auto value = table->number(row, *column);
-      if (!value) return tl::unexpected(value.error());
-      *sigma = *value;
-    }
-    if (!(p.normal.norm() > 0.1)) {
-      return fail(ErrorCode::kBadInput,
-                  fmt::format("{}:{}: the normal has no direction", base::shown(file), table->lines[row]));
-    }
-    p.normal.normalize();
-    if (!rim.points.empty()) rim.length_mm += (p.point_mm - rim.points.back().point_mm).norm();
-    p.s_mm = rim.length_mm;
-    rim.points.push_back(p);
-  }
-  if (rim.points.size() < 3)
-    return fail(ErrorCode::kBadInput, fmt::format("{}: a rim of {} points", base::shown(file), rim.points.size()));
-  // Closed where the way back to its beginning is no longer than a few of its steps.
-  const double step = rim.length_mm / static_cast<double>(rim.points.size() - 1);
-  rim.closed = (rim.points.front().point_mm - rim.points.back().point_mm).norm() < 5.0 * step;
-  return rim;
-}
-
 /// machine_from_part of an edge result; nothing where it has none.
 Result<std::optional<base::Pose>> part_pose(const fs::path& edge_result) {
   std::error_code ignored;
@@ -113,6 +70,48 @@ base::Cloud brought(base::Cloud cloud, const base::Pose& pose) {
 }
 
 }  // namespace
+
+Result<base::EdgeCurve> read_rim(const fs::path& file) {
+  const auto table = base::read_table(file);
+  if (!table) return tl::unexpected(table.error());
+  std::vector<std::size_t> columns;
+  for (const char* name : {"x_mm", "y_mm", "z_mm", "nx", "ny", "nz"}) {
+    const auto column = table->column(name);
+    if (!column) return fail(ErrorCode::kBadInput, fmt::format("{}: a rim needs the column {}", base::shown(file), name));
+    columns.push_back(*column);
+  }
+  const auto sigma_u = table->column("sigma_u_mm");
+  const auto sigma_v = table->column("sigma_v_mm");
+  base::EdgeCurve rim;
+  for (std::size_t row = 0; row < table->rows.size(); ++row) {
+    base::EdgePoint p;
+    for (std::size_t k = 0; k < columns.size(); ++k) {
+      const auto value = table->number(row, columns[k]);
+      if (!value) return tl::unexpected(value.error());
+      (k < 3 ? p.point_mm : p.normal)(static_cast<Eigen::Index>(k % 3)) = *value;
+    }
+    for (const auto& [column, sigma] : {std::pair{sigma_u, &p.sigma_u_mm}, std::pair{sigma_v, &p.sigma_v_mm}}) {
+      if (!column) continue;
+      const auto value = table->number(row, *column);
+      if (!value) return tl::unexpected(value.error());
+      *sigma = *value;
+    }
+    if (!(p.normal.norm() > 0.1)) {
+      return fail(ErrorCode::kBadInput,
+                  fmt::format("{}:{}: the normal has no direction", base::shown(file), table->lines[row]));
+    }
+    p.normal.normalize();
+    if (!rim.points.empty()) rim.length_mm += (p.point_mm - rim.points.back().point_mm).norm();
+    p.s_mm = rim.length_mm;
+    rim.points.push_back(p);
+  }
+  if (rim.points.size() < 3)
+    return fail(ErrorCode::kBadInput, fmt::format("{}: a rim of {} points", base::shown(file), rim.points.size()));
+  // Closed where the way back to its beginning is no longer than a few of its steps.
+  const double step = rim.length_mm / static_cast<double>(rim.points.size() - 1);
+  rim.closed = (rim.points.front().point_mm - rim.points.back().point_mm).norm() < 5.0 * step;
+  return rim;
+}
 
 Result<std::optional<SurfaceTask>> surface_task(const Job& job, const fs::path& stitch, const fs::path& edge) {
   std::error_code ignored;

@@ -9,6 +9,7 @@
 
 #include "app/job.h"
 #include "app/session.h"
+#include "base/edge_curve.h"
 #include "base/pose.h"
 #include "base/result.h"
 #include "base/surface_verification.h"
@@ -35,6 +36,9 @@ struct SurfaceTask {
 /// brought there by machine_from_part of the result in `edge`. Nothing where the job has none of it.
 base::Result<std::optional<SurfaceTask>> surface_task(const Job& job, const std::filesystem::path& stitch,
                                                       const std::filesystem::path& edge);
+
+/// A rim from a table with x_mm y_mm z_mm nx ny nz in order, as edge.csv is; sigmas where there are columns sigma_u_mm, sigma_v_mm.
+base::Result<base::EdgeCurve> read_rim(const std::filesystem::path& file);
 
 /// The files that it reads.
 [[nodiscard]] std::vector<std::filesystem::path> surface_files(const SurfaceTask& task);

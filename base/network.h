@@ -13,6 +13,7 @@
 #include "base/pose.h"
 #include "base/result.h"
 #include "base/scale_bar.h"
+#include "base/variance_component.h"
 
 namespace crosstie::base {
 
@@ -228,6 +229,11 @@ struct AdjustedNetwork {
   std::vector<AdjustedObservation> residuals;  ///< by image, then point
   std::vector<RejectedObservation> rejected;
   UncodedDots uncoded;
+  /// Of the image points of each camera, the scale bars and the control points, together (math/variance_components.h); empty without
+  /// redundancy.
+  std::vector<VarianceComponent> variance_components;
+  /// True: the sigmas were multiplied by these ratios, so that sigma0 is 1 by construction; false: they are only told.
+  bool variance_components_applied = false;
   std::vector<Warning> warnings;
 
   /// Full covariance: the estimated parameters of each camera in order, then 6 per mount and image (per station where the camera

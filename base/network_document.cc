@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -142,6 +143,15 @@ Json network_json(const AdjustedNetwork& network) {
   json["rank"] = network.rank;
   json["least_eigenvalue"] = network.least_eigenvalue;
   json["weakest"] = network.weakest;
+  json["variance_components"] = {{"applied", network.variance_components_applied}, {"groups", Json::array()}};
+  for (const VarianceComponent& of : network.variance_components) {
+    Json group = {
+        {"group", of.group}, {"observations", of.observations}, {"redundancy", of.redundancy}, {"estimated", of.estimated}};
+    for (const auto& [key, value] : {std::pair{"sigma_ratio", of.sigma_ratio}, std::pair{"sigma_ratio_sigma", of.sigma},
+                                     std::pair{"low", of.low}, std::pair{"high", of.high}, std::pair{"p", of.p}})
+      group[key] = of.estimated ? Json(value) : Json(nullptr);
+    json["variance_components"]["groups"].push_back(std::move(group));
+  }
   for (const char* key : {"points", "images", "cameras", "rigs", "scale_bars", "control", "rejected"})
     json[key] = Json::array();
   for (const auto& point : network.points) json["points"].push_back(point_json(point));

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "bundle/detail/components.h"
 #include "bundle/detail/eccentricity.h"
 #include "bundle/detail/estimate.h"
 #include "bundle/detail/frame.h"
@@ -292,6 +293,13 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
   plan->known_sizes = true;
   at = settle_weights(*survey, options, weights, *plan, *state, progress);
   if (!at) return fail(std::move(at));
+  std::vector<base::VarianceComponent> components;
+  const bool apply = options.variance_components == VarianceComponents::kApply;
+  if (apply) {
+    auto applied = detail::apply_components(*survey, options, weights, *plan, *state, at, progress);
+    if (!applied) return fail(std::move(applied));
+    components = *std::move(applied);
+  }
   if (at->equations.null_space().cols() == 7) {
     if (auto ok = bring_to_size(*survey, *state); !ok) return fail(std::move(ok));
   }
@@ -307,6 +315,12 @@ Result<base::AdjustedNetwork> adjust(const base::Network& network, const AdjustO
   auto result = detail::make_outcome(*survey, options, *state, *at, weights, reasons);
   if (!result) return result;
   result->uncoded = std::move(uncoded);
+  if (options.variance_components == VarianceComponents::kTell) {
+    // Where the residuals do not tell them, the adjustment as stated stands without.
+    if (auto told = detail::components_of(*survey, *at)) components = *std::move(told);
+  }
+  result->variance_components = std::move(components);
+  result->variance_components_applied = apply;
   detail::diagnose(*survey, *state, weights, *result);
   return result;
 }

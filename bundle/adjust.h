@@ -16,6 +16,13 @@ enum class ImageWeights {
   kEqual,     ///< all alike with AdjustOptions::sigma_px, as classic bundle programs do
 };
 
+/// How large the sigmas of the groups of observations (image points of each camera, scale bars, control points) are by their residuals.
+enum class VarianceComponents {
+  kNone,   ///< not estimated
+  kTell,   ///< estimated and told (AdjustedNetwork::variance_components); nothing else changes
+  kApply,  ///< the sigmas of each group are multiplied by their ratio, until nothing changes; sigma0 is then 1 by construction
+};
+
 struct AdjustOptions {
   ImageWeights weights = ImageWeights::kDetector;
 
@@ -38,6 +45,10 @@ struct AdjustOptions {
   /// true: dots without a code are matched between the images once the coded markers have oriented them, and adjusted with the
   /// rest. Default: true, since a group must be seen from three directions and be no chance (bundle/detail/uncoded.h).
   bool uncoded = true;
+
+  /// What becomes of the variance components. Default: told, the stated sigmas count; a certificate is not overruled unasked by the
+  /// residuals of a few bars.
+  VarianceComponents variance_components = VarianceComponents::kTell;
 
   /// Points whose rays meet at less than this are left out [rad]: their depth would be noise. Default: 1 degree.
   double min_angle_rad = 0.0175;

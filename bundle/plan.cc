@@ -134,7 +134,10 @@ base::PlannedPoint plan_point(const base::Commissioning& expected, const Vector3
 }
 
 Result<base::NetworkPlan> plan_network(const base::Network& exact, const base::Progress& progress) {
-  auto expected = adjust(exact, {.model_sigma_px = 0.0, .reject_outliers = false, .uncoded = false}, progress);
+  auto expected = adjust(
+      exact,
+      {.model_sigma_px = 0.0, .reject_outliers = false, .uncoded = false, .variance_components = VarianceComponents::kNone},
+      progress);
   if (!expected) return fail(std::move(expected));
   base::NetworkPlan plan{.expected = *std::move(expected)};
   base::AdjustedNetwork& network = plan.expected;

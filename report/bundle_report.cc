@@ -11,6 +11,8 @@ std::string bundle_report(const base::AdjustedNetwork& network, const ReportCont
   page.key_figures(detail::bundle_key_figures(network));
   page.warnings(network.warnings);
   page.section("adjustment", "Adjustment", detail::bundle_adjustment_section(network));
+  if (!network.variance_components.empty())
+    page.section("components", "Are the stated sigmas true", detail::bundle_components_section(network));
   if (!network.points.empty()) {
     page.scene(
         "Network in 3D", detail::network_scene(network, detail::ellipse_magnification(network)),

@@ -42,6 +42,7 @@ Result<AiconTask> aicon_task(const Arguments& arguments) {
     }
   }
   task.reject_outliers = arguments.has("--reject-outliers");
+  task.apply_components = arguments.has("--apply-variance-components");
   task.reading.start_values = !arguments.has("--no-start-values");
   return task;
 }
@@ -59,8 +60,8 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
     if (!adjustment) return tl::unexpected(adjustment.error());
     return said(*adjustment, session);
   }
-  for (const char* option :
-       {"--sigma-mm", "--sigma-px", "--sigma-override", "--exclude", "--fixed", "--reject-outliers", "--no-start-values"}) {
+  for (const char* option : {"--sigma-mm", "--sigma-px", "--sigma-override", "--exclude", "--fixed", "--reject-outliers",
+                             "--apply-variance-components", "--no-start-values"}) {
     if (arguments.has(option))
       return base::fail(base::ErrorCode::kUsage, std::string(option) + " goes with --aicon; a job says it in its job.toml");
   }
@@ -98,6 +99,9 @@ Verb adjust_verb() {
        {"--exclude", "FILE", "with --aicon: image points that do not take part; columns image,id", false, false},
        {"--fixed", "NAMES", "with --aicon: lens parameters held at their values (default A3,C1,C2)", false, false},
        {"--reject-outliers", "", "with --aicon: reject outliers (default: everything takes part)", false, false},
+       {"--apply-variance-components", "",
+        "with --aicon: multiply the sigmas of each group of observations by what their residuals tell (default: tell it)",
+        false, false},
        {"--no-start-values", "", "with --aicon: find poses and points from the image points alone", false, false}},
       run};
 }

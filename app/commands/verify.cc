@@ -1,6 +1,9 @@
 // crosstie verify: coordinates against a reference
 
+#include <fmt/core.h>
+
 #include "app/steps.h"
+#include "app/steps_acceptance.h"
 #include "app/verb.h"
 
 namespace crosstie::app {
@@ -29,7 +32,35 @@ Result<std::optional<SurfaceTask>> surfaces(const Arguments& arguments, const Jo
   return std::optional<SurfaceTask>(task);
 }
 
+/// --acceptance and --repeat stand alone: a test of the scanner, or of its sigmas, and no comparison with a reference.
+Result<StepOutcome> test(const Arguments& arguments, Session& session) {
+  const bool acceptance = arguments.has("--acceptance");
+  for (const Option& option : verify_verb().options) {
+    const bool own = option.name == "--out" || option.name == (acceptance ? "--acceptance" : "--repeat") ||
+                     (!acceptance && option.name == "--max-ratio");
+    if (!own && arguments.has(option.name))
+      return base::fail(base::ErrorCode::kUsage,
+                        fmt::format("{} does not go with {}", option.name, acceptance ? "--acceptance" : "--repeat"));
+  }
+  const std::filesystem::path out = *arguments.get("--out");
+  if (acceptance) return acceptance_step(*arguments.get("--acceptance"), out, session);
+  const auto ratio = arguments.number("--max-ratio");
+  if (!ratio) return tl::unexpected(ratio.error());
+  if (*ratio && !(**ratio > 0.0)) return base::fail(base::ErrorCode::kUsage, "--max-ratio must be positive");
+  std::vector<std::filesystem::path> runs;
+  for (const std::string& run : arguments.all("--repeat")) runs.emplace_back(run);
+  return repeat_step(runs, *ratio, out, session);
+}
+
 Result<Outcome> run(const Arguments& arguments, Session& session) {
+  if (arguments.has("--acceptance") || arguments.has("--repeat")) {
+    const auto step = test(arguments, session);
+    if (!step) return tl::unexpected(step.error());
+    session.say(step->summary);
+    session.print((step->folder / "result.json").string());
+    return step->outcome;
+  }
+  if (arguments.has("--max-ratio")) return base::fail(base::ErrorCode::kUsage, "--max-ratio goes with --repeat");
   VerificationTask task;
   task.measured = arguments.get("--points").value_or("");
   task.reference = arguments.get("--reference").value_or("");
@@ -57,8 +88,9 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
     return base::fail(base::ErrorCode::kUsage, "--points and --reference go together");
   }
   if (!task.has_points() && !task.surface) {
-    return base::fail(base::ErrorCode::kUsage,
-                      "nothing to verify: --points with --reference, --cloud, or --edge with --edge-reference");
+    return base::fail(
+        base::ErrorCode::kUsage,
+        "nothing to verify: --points with --reference, --cloud, --edge with --edge-reference, --acceptance, or --repeat");
   }
   const auto step = verify_step(task, *arguments.get("--out"), session);
   if (!step) return tl::unexpected(step.error());
@@ -71,13 +103,16 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
 
 Verb verify_verb() {
   return {"verify",
-          "compare measured coordinates, clouds and rims with a reference: best fit, deviations, length errors",
+          "compare coordinates, clouds and rims with a reference; test a scanner (VDI/VDE 2634) and whether results repeat",
           "  $ crosstie verify --points results/adjust/result.json --reference tritop.csv --out check\n"
           "  44 points, RMS 0.0084 0.0071 0.0085 mm (x y z), deviation over predicted sigma 0.93\n"
           "  check/result.json\n"
           "  $ crosstie verify --cloud results/stitch/cloud.ply --surface atos.ply --tolerance-mm 0.2 --out check\n"
           "  98421 points against a mesh: mean 0.012 mm, scatter 0.041 mm, 99.7 % within 0.2 mm\n"
-          "  check/result.json",
+          "  check/result.json\n"
+          "  $ crosstie verify --acceptance head2/acceptance.toml --out accepted\n"
+          "  PF 0.2514 +- 0.0102 mm (10 of 10 positions), PS -0.0041 +- 0.0035 mm (10 of 10 positions)\n"
+          "  accepted/result.json",
           {{"--points", "FILE", "measured: the result.json of adjust, or a point list", false, false},
            {"--reference", "FILE", "known coordinates: a point list or an AICON object list", false, false},
            {"--unit",
@@ -112,6 +147,14 @@ Verb verify_verb() {
            {"--edge", "FILE", "measured rim: edge.csv of edge", false, false},
            {"--edge-reference", "FILE", "its reference: x_mm,y_mm,z_mm,nx,ny,nz[,sigma_u_mm,sigma_v_mm] in order along it",
             false, false},
+           {"--acceptance", "FILE",
+            "instead: an acceptance test of a scanner after VDI/VDE 2634 part 2 or 3, spheres, ball bar and plate (TOML)",
+            false, false},
+           {"--repeat", "RESULT",
+            "instead: two or more results of the same thing (adjust, edge, verify --acceptance): do they repeat as their "
+            "sigmas say",
+            false, true},
+           {"--max-ratio", "X", "with --repeat: limit of scatter over predicted sigma; judged where given", false, false},
            {"--out", "DIR", "folder for the result; replaced as a whole", true, false}},
           run};
 }

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "bundle/detail/components.h"
 #include "bundle/detail/diagnose.h"
 #include "bundle/detail/outcome.h"
 
@@ -156,6 +157,7 @@ void diagnose(const Survey& survey, const State& state, const Weights& weights, 
   about_points(result);
   about_uncoded(result);
   about_weights(weights, result);
+  about_components(result);
   about_wrong_ids(result);
   std::size_t total = survey.rays.size();
   std::size_t moved = 0;

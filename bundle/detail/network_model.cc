@@ -47,18 +47,18 @@ void add_group(NetworkModel& network, std::unique_ptr<math::Measurement> measure
   network.control_of_group.push_back(control);
 }
 
-void add_bars(const Survey& survey, NetworkModel& network) {
+void add_bars(const Survey& survey, double ratio, NetworkModel& network) {
   for (std::size_t i = 0; i < survey.bars.size(); ++i) {
     const Bar& bar = survey.bars[i];
     const int a = network.point_block[static_cast<std::size_t>(bar.point_a)];
     const int b = network.point_block[static_cast<std::size_t>(bar.point_b)];
     if (bar.bar.role != base::ScaleBarRole::kUsed || a < 0 || b < 0) continue;
-    add_group(network, std::make_unique<Distance>(a, b, bar.bar.length_at_temperature_mm(), bar.bar.sigma_mm), -1,
+    add_group(network, std::make_unique<Distance>(a, b, bar.bar.length_at_temperature_mm(), ratio * bar.bar.sigma_mm), -1,
               static_cast<int>(i), -1);
   }
 }
 
-void add_control(const Survey& survey, NetworkModel& network) {
+void add_control(const Survey& survey, double ratio, NetworkModel& network) {
   for (std::size_t c = 0; c < survey.control.size(); ++c) {
     const Control& control = survey.control[c];
     std::vector<int> blocks;
@@ -81,7 +81,7 @@ void add_control(const Survey& survey, NetworkModel& network) {
     // means to eliminate their columns.
     add_group(network,
               std::make_unique<math::Prior>(std::move(blocks), std::move(sizes), control.xyz_mm(columns),
-                                            without_unknowns(control.whitening, columns)),
+                                            without_unknowns(control.whitening, columns) / ratio),
               -1, -1, static_cast<int>(c));
   }
 }
@@ -197,8 +197,8 @@ NetworkModel build_model(const Survey& survey, const State& state, const ModelPl
               static_cast<int>(r), -1, -1);
   }
   if (plan.known_sizes) {
-    add_bars(survey, network);
-    add_control(survey, network);
+    add_bars(survey, plan.bar_ratio, network);
+    add_control(survey, plan.control_ratio, network);
   }
   add_priors(survey, plan, network);
   return network;

@@ -18,6 +18,8 @@ struct ModelPlan {
   std::vector<std::vector<int>> free_lens;  ///< of each camera: the parameters that are estimated
   std::vector<Eigen::Matrix2d> whitening;   ///< of each ray; empty: identity, so that residuals are in px
   bool known_sizes = false;                 ///< observe the bars with role used and the control points, hold what is to be held
+  double bar_ratio = 1.0;                   ///< by which the sigmas of the bars are multiplied
+  double control_ratio = 1.0;               ///< by which those of the control points are
   bool hold_points = false;
   bool hold_poses = false;
   std::vector<std::optional<Eigen::MatrixXd>> lens_prior;  ///< covariance about `lens_mean` of each camera, or empty

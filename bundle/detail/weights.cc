@@ -34,16 +34,23 @@ Eigen::Matrix2d Weights::covariance(const Eigen::Matrix2d& detector, Kind kind) 
 }
 
 Eigen::Matrix2d Weights::covariance(int ray) const {
-  return covariance(detector_[static_cast<std::size_t>(ray)], kinds_[static_cast<std::size_t>(ray)]);
+  const auto r = static_cast<std::size_t>(ray);
+  const double ratio = ratio_[static_cast<std::size_t>(cameras_[r])];
+  return ratio * ratio * covariance(detector_[r], kinds_[r]);
 }
+
+void Weights::scale(int camera, double ratio) { ratio_[static_cast<std::size_t>(camera)] *= ratio; }
 
 Eigen::Matrix2d Weights::of_detector(const Eigen::Matrix2d& cov_px2) const { return covariance(cov_px2, kUncoded); }
 
 void Weights::renew(const Survey& survey) {
   detector_.clear();
   kinds_.clear();
+  cameras_.clear();
+  ratio_.resize(survey.cameras.size(), 1.0);
   for (const Ray& ray : survey.rays) {
     detector_.push_back(ray.cov_px2);
+    cameras_.push_back(survey.camera_of_image[static_cast<std::size_t>(ray.image)]);
     kinds_.push_back(static_cast<std::size_t>(ray.point) < survey.coded_points ? kCoded : kUncoded);
   }
 }

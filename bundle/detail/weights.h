@@ -37,6 +37,9 @@ class Weights {
   /// Returns the largest relative change of a median sigma. `robust` holds the median of the standardised residuals to its expectation instead.
   double update(const Survey& survey, const Estimate& at, bool robust);
 
+  /// Multiplies the sigmas of a camera's image points, whatever they come from.
+  void scale(int camera, double ratio);
+
   /// Sigma of unit weight: the median over the active rays of sqrt(trace / 2).
   [[nodiscard]] double unit_sigma_px(const std::vector<char>& active) const;
 
@@ -48,7 +51,9 @@ class Weights {
   [[nodiscard]] double component(const std::vector<Item>& items, bool robust) const;
 
   std::vector<Eigen::Matrix2d> detector_;
-  std::vector<Kind> kinds_;  ///< of each ray
+  std::vector<Kind> kinds_;    ///< of each ray
+  std::vector<int> cameras_;   ///< of each ray
+  std::vector<double> ratio_;  ///< of each camera: by which its sigmas are multiplied
   std::array<double, kKinds> model_sigma_px_ = {};
   double equal_sigma_px_ = 0.0;  ///< 0: weights are the detector's
   bool estimated_ = false;

@@ -25,7 +25,7 @@ using base::AdjustedNetwork;
 std::string chi_square_sentence(const AdjustedNetwork& network) {
   if (network.redundancy <= 0) return "There is no redundancy: nothing tests the observations.";
   const double statistic = network.redundancy * network.sigma0 * network.sigma0;
-  if (sigmas_were_adapted(network)) {
+  if (sigmas_were_adapted(network) || network.variance_components_applied) {
     return "The a priori sigmas were adapted to the residuals of this network (see the warnings): sigma0 is 1 by that, and its "
            "chi-square test says nothing.";
   }
@@ -140,6 +140,43 @@ std::string bundle_adjustment_section(const AdjustedNetwork& network) {
              "of a free network and their sigmas hold in its stated datum; distances do not depend on it. Inner precision says "
              "nothing of what all images have in common: compare with a reference, or with check bars.",
              "muted");
+}
+
+std::string bundle_components_section(const AdjustedNetwork& network) {
+  constexpr double kUnlikely = 0.001;
+  HtmlTable table(
+      "Estimated over stated sigma of each group of observations, all groups together (restricted maximum likelihood): 1 where "
+      "the "
+      "stated sigmas are true. p: probability of a ratio at least this far from 1 if they are.",
+      {{"Group", "", "", false},
+       {"Observations", ""},
+       {"Redundancy", ""},
+       {"Ratio", ""},
+       {"Sigma", ""},
+       {"95 % from", ""},
+       {"to", ""},
+       {"p", ""}});
+  for (const base::VarianceComponent& of : network.variance_components) {
+    std::vector<Cell> row = {text_cell(of.group), number_cell(counted(of.observations), of.observations),
+                             number_cell(significant(of.redundancy, 4), of.redundancy)};
+    if (of.estimated) {
+      row.push_back(number_cell(significant(of.sigma_ratio, 3), of.sigma_ratio, of.p < kUnlikely ? "warning" : ""));
+      row.push_back(number_cell(significant(of.sigma, 2), of.sigma));
+      row.push_back(number_cell(significant(of.low, 3), of.low));
+      row.push_back(number_cell(significant(of.high, 3), of.high));
+      row.push_back(number_cell(significant(of.p, 2), of.p));
+    } else {
+      for (int k = 0; k < 5; ++k) row.push_back(text_cell("not told"));
+    }
+    table.add_row(std::move(row));
+  }
+  std::string text =
+      network.variance_components_applied
+          ? "The sigmas of each group were multiplied by its ratio, which makes sigma0 1 by construction."
+          : "The ratios are told, the stated sigmas were used, and all covariances are multiplied by sigma0 alone.";
+  if (sigmas_were_adapted(network))
+    text += " A common part was added to the detector's sigmas, so that the ratios of image points are those to that.";
+  return paragraph(text) + table.html();
 }
 
 }  // namespace crosstie::report::detail

@@ -12,6 +12,7 @@ namespace crosstie::report::detail {
 /// The parts of the bundle report; each returns finished markup.
 std::vector<KeyFigure> bundle_key_figures(const base::AdjustedNetwork& network);
 std::string bundle_adjustment_section(const base::AdjustedNetwork& network);
+std::string bundle_components_section(const base::AdjustedNetwork& network);
 std::string bundle_points_section(const base::AdjustedNetwork& network);
 std::string bundle_plan_section(const base::AdjustedNetwork& network);
 std::string bundle_images_section(const base::AdjustedNetwork& network);
