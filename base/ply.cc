@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <optional>
 
 #include <fmt/format.h>
@@ -92,12 +93,20 @@ class ValueReader {
   std::size_t at_ = 0;
 };
 
+/// The number of a list's items, which is of an integer type: in ASCII any number may stand there.
+std::optional<std::uint64_t> read_count(ValueReader& values, const PlyProperty& list) {
+  constexpr double kLargest = std::numeric_limits<std::uint32_t>::max();
+  const auto count = values.next(list.count_type);
+  if (!count || !(*count >= 0.0 && *count <= kLargest) || *count != std::floor(*count)) return std::nullopt;
+  return static_cast<std::uint64_t>(*count);
+}
+
 /// Reads one property; lists are read over. Nothing where the data ends or is no number.
 std::optional<double> read_property(ValueReader& values, const PlyProperty& property) {
   if (!property.is_list) return values.next(property.type);
-  const auto count = values.next(property.count_type);
-  if (!count || *count < 0.0 || *count != std::floor(*count)) return std::nullopt;
-  for (auto left = static_cast<std::uint64_t>(*count); left > 0; --left) {
+  const auto count = read_count(values, property);
+  if (!count) return std::nullopt;
+  for (std::uint64_t left = *count; left > 0; --left) {
     if (!values.next(property.type)) return std::nullopt;
   }
   return 0.0;
@@ -128,12 +137,12 @@ tl::expected<void, std::string> read_faces(ValueReader& values, const PlyElement
           return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off", i));
         continue;
       }
-      const auto count = values.next(property.count_type);
-      if (!count || *count < 3.0 || *count != std::floor(*count)) {
+      const auto count = read_count(values, property);
+      if (!count || *count < 3) {
         return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off, or it has less than three corners", i));
       }
       std::array<std::uint32_t, 3> corners{};
-      for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(*count); ++k) {
+      for (std::uint64_t k = 0; k < *count; ++k) {
         const auto index = values.next(property.type);
         if (!index || *index < 0.0 || *index != std::floor(*index) || *index >= vertex_count) {
           return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off, or a corner is no vertex", i));

@@ -1,0 +1,35 @@
+// PLY clouds and meshes. What is read can be written, and read again as the same; the same cloud as PCD, which is only written.
+#include <cstdio>
+
+#include "base/pcd.h"
+#include "base/ply.h"
+#include "tests/fuzz/input.h"
+
+namespace {
+
+using namespace crosstie;
+
+void write_and_read(const base::Cloud& cloud) {
+  const auto path = fuzz::folder() / "again.ply";
+  fuzz::expect(base::write_ply(path, cloud).has_value(), "a cloud that was read can be written");
+  const auto again = base::read_ply(path);
+  if (!again) std::fprintf(stderr, "%s\n", again.error().message.c_str());
+  fuzz::expect(again && again->points == cloud.points && again->normals == cloud.normals && again->cov_mm2 == cloud.cov_mm2,
+               "a cloud that was written is read as the same");
+  fuzz::expect(base::write_pcd(fuzz::folder() / "again.pcd", cloud).has_value(), "a cloud that was read can be written as PCD");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const auto path = fuzz::file("cloud.ply", fuzz::text_of(data, size));
+  const auto cloud = base::read_ply(path);
+  if (fuzz::sensible(cloud)) write_and_read(*cloud);
+  const auto mesh = base::read_ply_mesh(path);
+  if (fuzz::sensible(mesh)) {
+    for (const auto& triangle : mesh->triangles) {
+      for (const auto corner : triangle) fuzz::expect(corner < mesh->vertices.points.size(), "corners of triangles exist");
+    }
+  }
+  return 0;
+}
