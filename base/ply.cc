@@ -270,7 +270,8 @@ Result<Mesh> read_mesh_file(const std::filesystem::path& path, bool with_faces) 
   return *std::move(mesh);
 }
 
-void append(std::string& bytes, double value, bool as_double) {
+/// False for a finite value that a float cannot hold.
+bool append(std::string& bytes, double value, bool as_double) {
   char buffer[8];
   const float narrow = static_cast<float>(value);
   if (as_double)
@@ -278,6 +279,7 @@ void append(std::string& bytes, double value, bool as_double) {
   else
     std::memcpy(buffer, &narrow, sizeof narrow);
   bytes.append(buffer, as_double ? sizeof value : sizeof narrow);
+  return as_double || std::isfinite(narrow) || !std::isfinite(value);
 }
 
 /// What is wrong with a cloud that is to be written, or nothing.
@@ -309,14 +311,16 @@ Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const 
   }
   for (const CloudField& field : cloud.fields) bytes += fmt::format("property float {}{}\n", kFieldPrefix, field.name);
   bytes += "end_header\n";
+  bool held = true;
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
-    for (int k = 0; k < 3; ++k) append(bytes, cloud.points[i][k], options.double_coordinates);
-    for (int k = 0; k < 3 && !cloud.normals.empty(); ++k) append(bytes, cloud.normals[i][k], false);
+    for (int k = 0; k < 3; ++k) held &= append(bytes, cloud.points[i][k], options.double_coordinates);
+    for (int k = 0; k < 3 && !cloud.normals.empty(); ++k) held &= append(bytes, cloud.normals[i][k], false);
     for (int r = 0; r < 3 && !cloud.cov_mm2.empty(); ++r) {
-      for (int c = r; c < 3; ++c) append(bytes, cloud.cov_mm2[i](r, c), false);
+      for (int c = r; c < 3; ++c) held &= append(bytes, cloud.cov_mm2[i](r, c), false);
     }
-    for (const CloudField& field : cloud.fields) append(bytes, field.values[i], false);
+    for (const CloudField& field : cloud.fields) held &= append(bytes, field.values[i], false);
   }
+  if (!held) return fail(ErrorCode::kBadInput, fmt::format("cannot write {}: a value is too large for a float", shown(path)));
   return write_file_atomically(path, bytes);
 }
 

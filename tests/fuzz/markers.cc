@@ -1,8 +1,8 @@
 // The detector and decoder of markers. An input is a family, a width and a number of bits per pixel, one byte each, and pixels.
 #include <algorithm>
-#include <cmath>
-#include <map>
 #include <string>
+
+#include <Eigen/LU>
 
 #include "base/image.h"
 #include "markers/detect.h"

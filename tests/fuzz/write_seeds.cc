@@ -167,6 +167,13 @@ void write_requests(Seeds& seeds) {
   seeds.write("http_requests", command + "Expect: 100-continue\r\nTransfer-Encoding: chunked\r\n\r\n5\r\n{\"com\r\n2;x=y\r\nm}\r\n0\r\n\r\n");
 }
 
+void write_devices(Seeds& seeds) {
+  for (const char* lines : {"850.04\r\n+  851.5 mm\n", "<Idle|MPos:850.040,0.000|FS:0,0>\nX850040.5 um Y12\n", "- 12,5\nX -1e3\n"})
+    seeds.write("devices", std::string("\x00\x07", 2) + lines);
+  seeds.write("devices", std::string("\x01\x00\x42\x01\x00\x80\x00\x04\x00\x01\x00\x00\x09\x38", 14));  // reads a register
+  for (char format = 2; format < 7; ++format) seeds.write("devices", std::string{format, 4} + std::string(64, 'p'));
+}
+
 void write_jobs(Seeds& seeds) {
   for (const auto& entry : fs::directory_iterator(fs::path(CROSSTIE_SOURCE_DIR) / "tests/fuzz/seeds/jobs")) {
     std::ifstream stream(entry.path(), std::ios::binary);
@@ -187,6 +194,7 @@ int main(int count, char** words) {
   write_aicon(seeds, readers);
   write_markers(seeds);
   write_requests(seeds);
+  write_devices(seeds);
   write_jobs(seeds);
   return 0;
 }
