@@ -64,10 +64,8 @@ bool lies_in(double value, Domain domain) {
 }  // namespace
 
 Result<JobTable> JobTable::parse(const std::filesystem::path& file, const std::string& text) {
-  if (const auto line = base::too_deep_toml_line(text)) {
-    return base::fail(ErrorCode::kBadInput,
-                      fmt::format("{}:{}: a key of more than {} parts", file.string(), *line, base::kMaxTomlKeyParts));
-  }
+  if (const auto fault = base::toml_fault(text))
+    return base::fail(ErrorCode::kBadInput, fmt::format("{}:{}: {}", file.string(), fault->line, fault->what));
   toml::parse_result parsed = toml::parse(text, file.string());
   if (!parsed) {
     return base::fail(ErrorCode::kBadInput, fmt::format("{}:{}: {}", file.string(), parsed.error().source().begin.line,

@@ -297,6 +297,32 @@ TEST(Job, KeysOfMillionsOfPartsAreRefused) {
   }
 }
 
+/// What toml++ asks of these characters ends in undefined behaviour (its function for blanks beyond ASCII).
+TEST(Job, CharactersBeyondAsciiStandInQuotesAndComments) {
+  const tests::TemporaryFolder folder;
+  const std::string head = "\xEF\xBB\xBF#\xC3\xBC\nformat = \"crosstie-job/1\"\n";
+  folder.write("job.toml", head + R"(name = """Tür \
+  A""""
+[network]
+images = { 'büro' = 'ü*.png' } # ä
+[camera."büro"]
+focal_mm = 24
+sensor_width_mm = 23.5
+)");
+  const auto good = read_job(folder.path());
+  ASSERT_TRUE(good) << good.error().message;
+  EXPECT_EQ(good->name, "Tür A\"");
+  EXPECT_TRUE(good->cameras.contains("büro"));
+  for (const std::string text : {"[camera.c67\xCF\x98\n", "größe = 3\n", "name =ä\n", "name = \"a\" \u2002\n", R"(name = """a \ü""")",
+                                 "x = { a = '''b''''' ü\n", R"(x = { a = "\"#" ü)"}) {
+    folder.write("job.toml", head + text);
+    const auto job = read_job(folder.path());
+    ASSERT_FALSE(job) << text;
+    EXPECT_EQ(job.error().code, base::ErrorCode::kBadInput);
+    EXPECT_THAT(job.error().message, HasSubstr("job.toml:3: a character that is not ASCII"));
+  }
+}
+
 TEST(Job, DotsInTextsAndNumbersAreNoPartsOfKeys) {
   const tests::TemporaryFolder folder;
   const std::string dots(100, '.');

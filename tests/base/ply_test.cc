@@ -92,6 +92,7 @@ TEST(Ply, RefusesWithAReason) {
       {"ply\nformat binary_little_endian 1.0\nelement junk 1\nproperty list uint double v\nelement vertex 1\n" + kXyz + end +
            raw<std::uint32_t>(4000000000U) + raw(0.0) + raw(0.0),
        "cut off in junk"},
+      {kAscii + "element vertex 1\n" + kXyz + "property float sigma\rmm\n" + end + "1 2 3 4\n", "cannot be read"},
       // Counts that no integer holds: a cast of them is undefined.
       {kAscii + "element vertex 1\n" + kXyz + "property list uchar int tags\n" + end + "1 2 3 1e300 5\n", "vertex 0"},
       {kAscii + "element junk 1\nproperty list int int v\nelement vertex 1\n" + kXyz + end + "1e19 4 1 2 3\n", "cut off in junk"},
