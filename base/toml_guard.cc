@@ -59,7 +59,8 @@ class Scanner {
         skip_escape(several);
       } else if (several ? three_at(at_, quote) : text_[at_] == quote) {
         at_ += several ? 3 : 1;
-        for (int more = 0; several && more < 2 && at_ < text_.size() && text_[at_] == quote; ++more) ++at_;  // belong to the text
+        for (int more = 0; several && more < 2 && at_ < text_.size() && text_[at_] == quote; ++more)
+          ++at_;  // belong to the text
         return;
       } else if (!several && text_[at_] == '\n') {
         return;

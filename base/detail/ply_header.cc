@@ -67,7 +67,8 @@ tl::expected<void, std::string> read_line(std::string_view line, PlyHeader& head
     if (header.elements.empty()) return bad("a property before the first element");
     PlyProperty property;
     property.is_list = words.size() > 1 && words[1] == "list";
-    if (words.size() != (property.is_list ? 5U : 3U) || has_control_character(words.back())) return bad(fmt::format("a property that cannot be read: {}", line));
+    if (words.size() != (property.is_list ? 5U : 3U) || has_control_character(words.back()))
+      return bad(fmt::format("a property that cannot be read: {}", line));
     const auto type = type_from_name(words[words.size() - 2]);
     const auto count_type = property.is_list ? type_from_name(words[2]) : PlyType::kUint8;
     if (!type || !count_type || *count_type == PlyType::kFloat || *count_type == PlyType::kDouble) {

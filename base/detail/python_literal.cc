@@ -10,8 +10,6 @@ namespace crosstie::base::detail {
 namespace {
 
 constexpr int kMaxDepth = 16;
-/// Of a whole text: each takes 120 bytes of memory, but may be two bytes of text. Default: what 256 MB hold of numbers with all their digits.
-constexpr std::size_t kMaxValues = 16'000'000;
 
 class Parser {
  public:
@@ -66,7 +64,6 @@ class Parser {
     skip_blanks();
     if (at_end()) return refuse("the file is cut off");
     if (depth > kMaxDepth) return refuse("nested too deeply");
-    if (++values_ > kMaxValues) return refuse(fmt::format("more than {} values", kMaxValues));
     if (take('{')) return dictionary(out, depth);
     if (take('[')) return list(out, ']', depth);
     if (take('(')) return list(out, ')', depth);
@@ -141,7 +138,6 @@ class Parser {
 
   std::string_view text_;
   std::size_t at_ = 0;
-  std::size_t values_ = 0;
   std::string reason_;
 };
 

@@ -288,7 +288,8 @@ TEST(Job, KeysOfMillionsOfPartsAreRefused) {
   const tests::TemporaryFolder folder;
   std::string parts = "a";
   for (int i = 0; i < 4'000'000; ++i) parts += ".a";
-  for (const std::string& text : {"[" + parts + "]\n", parts + " = 1\n", "[[ \"=\\\"\" . " + parts + "]]\n", "x = { " + parts + " = 1 }\n"}) {
+  for (const std::string& text :
+       {"[" + parts + "]\n", parts + " = 1\n", "[[ \"=\\\"\" . " + parts + "]]\n", "x = { " + parts + " = 1 }\n"}) {
     folder.write("job.toml", "format = \"crosstie-job/1\"\n" + text);
     const auto job = read_job(folder.path());
     ASSERT_FALSE(job);
@@ -301,7 +302,8 @@ TEST(Job, KeysOfMillionsOfPartsAreRefused) {
 TEST(Job, CharactersBeyondAsciiStandInQuotesAndComments) {
   const tests::TemporaryFolder folder;
   const std::string head = "\xEF\xBB\xBF#\xC3\xBC\nformat = \"crosstie-job/1\"\n";
-  folder.write("job.toml", head + R"(name = """Tür \
+  folder.write("job.toml", head + R"(markers = { family = "ring10" }
+name = """Tür \
   A""""
 [network]
 images = { 'büro' = 'ü*.png' } # ä
@@ -313,8 +315,8 @@ sensor_width_mm = 23.5
   ASSERT_TRUE(good) << good.error().message;
   EXPECT_EQ(good->name, "Tür A\"");
   EXPECT_TRUE(good->cameras.contains("büro"));
-  for (const std::string text : {"[camera.c67\xCF\x98\n", "größe = 3\n", "name =ä\n", "name = \"a\" \u2002\n", R"(name = """a \ü""")",
-                                 "x = { a = '''b''''' ü\n", R"(x = { a = "\"#" ü)"}) {
+  for (const std::string text : {"[camera.c67\xCF\x98\n", "größe = 3\n", "name =ä\n", "name = \"a\" \u2002\n",
+                                 R"(name = """a \ü""")", "x = { a = '''b''''' ü\n", R"(x = { a = "\"#" ü)"}) {
     folder.write("job.toml", head + text);
     const auto job = read_job(folder.path());
     ASSERT_FALSE(job) << text;
@@ -328,8 +330,8 @@ TEST(Job, DotsInTextsAndNumbersAreNoPartsOfKeys) {
   const std::string dots(100, '.');
   std::string numbers = "0.5";
   for (int i = 0; i < 100; ++i) numbers += ", 0.5";
-  folder.write("job.toml", "format = \"crosstie-job/1\"\nname = \"\"\"\\\"\n" + dots + "\"\"\" # " + dots + "\n[limits]\nsigma0_px = [" +
-                               numbers + "]\n");
+  folder.write("job.toml", "format = \"crosstie-job/1\"\nname = \"\"\"\\\"\n" + dots + "\"\"\" # " + dots +
+                               "\n[limits]\nsigma0_px = [" + numbers + "]\n");
   const auto job = read_job(folder.path());
   ASSERT_FALSE(job);
   EXPECT_THAT(job.error().message, HasSubstr("job.toml:5: sigma0_px must be a positive number"));
@@ -338,7 +340,8 @@ TEST(Job, DotsInTextsAndNumbersAreNoPartsOfKeys) {
 TEST(Job, ErrorsAreOneShortLineWhateverTheyQuote) {
   const tests::TemporaryFolder folder;
   for (const std::string& text :
-       {std::string("format = \"\"\"a\nb\"\"\"\n"), "format = \"crosstie-job/1\"\n\"" + std::string(1'000'000, 'k') + "\" = 1\n",
+       {std::string("format = \"\"\"a\nb\"\"\"\n"),
+        "format = \"crosstie-job/1\"\n\"" + std::string(1'000'000, 'k') + "\" = 1\n",
         std::string("format = \"crosstie-job/1\"\nname = fals\n"), std::string("format = \"crosstie-job/1\"\n\"\\n\" = 1\n")}) {
     folder.write("job.toml", text);
     const auto job = read_job(folder.path());

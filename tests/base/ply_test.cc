@@ -95,7 +95,8 @@ TEST(Ply, RefusesWithAReason) {
       {kAscii + "element vertex 1\n" + kXyz + "property float sigma\rmm\n" + end + "1 2 3 4\n", "cannot be read"},
       // Counts that no integer holds: a cast of them is undefined.
       {kAscii + "element vertex 1\n" + kXyz + "property list uchar int tags\n" + end + "1 2 3 1e300 5\n", "vertex 0"},
-      {kAscii + "element junk 1\nproperty list int int v\nelement vertex 1\n" + kXyz + end + "1e19 4 1 2 3\n", "cut off in junk"},
+      {kAscii + "element junk 1\nproperty list int int v\nelement vertex 1\n" + kXyz + end + "1e19 4 1 2 3\n",
+       "cut off in junk"},
   };
   for (const auto& [bytes, message] : cases) {
     const auto cloud = cloud_of(bytes);

@@ -14,7 +14,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!again) std::fprintf(stderr, "%s\n", again.error().message.c_str());
   fuzz::expect(again && again->parameters() == camera->parameters(), "a camera that was written is read as the same");
   // The lens itself, at the corner of its image and beside it.
-  for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.1, -0.2, 1.0), Eigen::Vector3d(3.0, 3.0, 1.0), Eigen::Vector3d(0, 0, -1)})
+  for (const Eigen::Vector3d& point :
+       {Eigen::Vector3d(0.1, -0.2, 1.0), Eigen::Vector3d(3.0, 3.0, 1.0), Eigen::Vector3d(0, 0, -1)})
     static_cast<void>(camera->project(point));
   static_cast<void>(camera->unproject(Eigen::Vector2d(camera->width_px() - 1.0, 0.0)));
   return 0;

@@ -14,14 +14,16 @@ namespace {
 using namespace crosstie;
 
 void read_lines(std::string_view input, std::size_t piece) {
-  const devices::AxisLineFormat formats[] = {{}, {.label = "X", .unit = "um", .mm_per_unit = 0.001, .min_mm = -1e4, .max_mm = 1e4}};
+  const devices::AxisLineFormat formats[] = {{},
+                                             {.label = "X", .unit = "um", .mm_per_unit = 0.001, .min_mm = -1e4, .max_mm = 1e4}};
   devices::detail::LineSplitter lines(devices::kMaxAxisLineBytes);
   const auto take = [&](std::string_view line) {
     fuzz::expect(!line.empty() && line.size() <= devices::kMaxAxisLineBytes, "lines are bounded and not empty");
     for (const devices::AxisLineFormat& format : formats) {
       const auto position_mm = devices::parse_axis_line(line, format);
       if (fuzz::sensible(position_mm))
-        fuzz::expect(std::isfinite(*position_mm) && *position_mm >= format.min_mm && *position_mm <= format.max_mm, "positions lie in the travel");
+        fuzz::expect(std::isfinite(*position_mm) && *position_mm >= format.min_mm && *position_mm <= format.max_mm,
+                     "positions lie in the travel");
     }
   };
   for (std::size_t at = 0; at < input.size(); at += piece) {

@@ -47,7 +47,8 @@ std::string_view current_input;
 live::detail::Site& site() {
   static live::detail::Site made{.feed = feed(),
                                  .handler = [](const std::string& body) -> base::Result<> {
-                                   fuzz::expect(current_input.find(kToken) != std::string_view::npos, "commands carry the token");
+                                   fuzz::expect(current_input.find(kToken) != std::string_view::npos,
+                                                "commands carry the token");
                                    if (body.size() % 2 == 1) return base::fail(base::ErrorCode::kBadInput, body);
                                    return {};
                                  },

@@ -47,7 +47,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   base::Image image(width, height, bits);
   for (int y = 0; y < height; ++y) {
     const auto row = pixels.substr(static_cast<std::size_t>(y) * row_bytes, row_bytes);
-    std::copy(row.begin(), row.end(), reinterpret_cast<char*>(image.row<std::uint8_t>(0)) + static_cast<std::size_t>(y) * row_bytes);
+    std::copy(row.begin(), row.end(),
+              reinterpret_cast<char*>(image.row<std::uint8_t>(0)) + static_cast<std::size_t>(y) * row_bytes);
   }
   const auto found = markers::detect(image.view(), of);
   if (fuzz::sensible(found)) check(*found, of, width, height);

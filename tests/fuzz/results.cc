@@ -14,13 +14,14 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace crosstie;
-  constexpr std::array<std::string_view, 6> kNames = {"result.json",     "residuals.csv",  "covariance.json",
-                                                      "covariance.npy", "markers.csv", "marker_points.csv"};
+  constexpr std::array<std::string_view, 6> kNames = {"result.json",    "residuals.csv", "covariance.json",
+                                                      "covariance.npy", "markers.csv",   "marker_points.csv"};
   std::string_view input = fuzz::text_of(data, size);
   const std::size_t reader = fuzz::choose(input, 8);
   const auto folder = fuzz::unpack(input, kNames);
   const auto readable = [](const auto& result) {
-    if (!result && result.error().code != base::ErrorCode::kFileSystem) fuzz::expect_sensible(result.error());  // a file is missing
+    if (!result && result.error().code != base::ErrorCode::kFileSystem)
+      fuzz::expect_sensible(result.error());  // a file is missing
     return result.has_value();
   };
   switch (reader) {

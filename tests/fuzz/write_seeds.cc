@@ -129,7 +129,8 @@ void write_aicon(Seeds& seeds, const std::vector<Reader>& readers) {
 
 /// A marker as test target `markers` takes it.
 std::string marker_seed(int family, const tests::MarkerScene& scene, const tests::Noise& noise, int bits) {
-  const base::Image image = tests::photograph(tests::rendered(scene), scene.width_px, scene.height_px, noise, bits, bits == 8 ? 255.0 : 4095.0);
+  const base::Image image =
+      tests::photograph(tests::rendered(scene), scene.width_px, scene.height_px, noise, bits, bits == 8 ? 255.0 : 4095.0);
   std::string bytes = {static_cast<char>(family), static_cast<char>(scene.width_px - 8), static_cast<char>(bits == 8 ? 0 : 1)};
   const base::ImageView view = image.view();
   bytes.append(reinterpret_cast<const char*>(view.data), static_cast<std::size_t>(view.row_stride_bytes * view.height));
@@ -151,7 +152,8 @@ void write_markers(Seeds& seeds) {
       scene.radius_px = tag ? 3.0 : 4.5;
       scene.tilt_rad = 0.3 * variant;
       scene.samples_per_px = 4;
-      seeds.write("markers", marker_seed(i, scene, {1.0, static_cast<std::uint64_t>(variant + 1)}, variant == 1 && tag ? 16 : 8));
+      seeds.write("markers",
+                  marker_seed(i, scene, {1.0, static_cast<std::uint64_t>(variant + 1)}, variant == 1 && tag ? 16 : 8));
     }
   }
 }
@@ -162,13 +164,16 @@ void write_requests(Seeds& seeds) {
                            "/results/scan/report.html", "/results/%2e%2e/secret.txt", "/results/link.txt", "/nothing?x=1"})
     seeds.write("http_requests", std::string("GET ") + path + " HTTP/1.1\r\n" + host + "\r\n");
   seeds.write("http_requests", "HEAD /results/scan/cloud.ply HTTP/1.0\r\n" + host + "If-None-Match: \"tag-1\"\r\n\r\n");
-  const std::string command = "POST /command HTTP/1.1\r\n" + host + "Origin: http://127.0.0.1:8137\r\nX-Crosstie-Token: 0123456789abcdef\r\n";
+  const std::string command =
+      "POST /command HTTP/1.1\r\n" + host + "Origin: http://127.0.0.1:8137\r\nX-Crosstie-Token: 0123456789abcdef\r\n";
   seeds.write("http_requests", command + "Content-Length: 19\r\n\r\n{\"command\": \"next\"}");
-  seeds.write("http_requests", command + "Expect: 100-continue\r\nTransfer-Encoding: chunked\r\n\r\n5\r\n{\"com\r\n2;x=y\r\nm}\r\n0\r\n\r\n");
+  seeds.write("http_requests",
+              command + "Expect: 100-continue\r\nTransfer-Encoding: chunked\r\n\r\n5\r\n{\"com\r\n2;x=y\r\nm}\r\n0\r\n\r\n");
 }
 
 void write_devices(Seeds& seeds) {
-  for (const char* lines : {"850.04\r\n+  851.5 mm\n", "<Idle|MPos:850.040,0.000|FS:0,0>\nX850040.5 um Y12\n", "- 12,5\nX -1e3\n"})
+  for (const char* lines :
+       {"850.04\r\n+  851.5 mm\n", "<Idle|MPos:850.040,0.000|FS:0,0>\nX850040.5 um Y12\n", "- 12,5\nX -1e3\n"})
     seeds.write("devices", std::string("\x00\x07", 2) + lines);
   seeds.write("devices", std::string("\x01\x00\x42\x01\x00\x80\x00\x04\x00\x01\x00\x00\x09\x38", 14));  // reads a register
   for (char format = 2; format < 7; ++format) seeds.write("devices", std::string{format, 4} + std::string(64, 'p'));
