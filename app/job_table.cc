@@ -7,9 +7,11 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 #define TOML_EXCEPTIONS 0
+#define TOML_ASSERT(expr) static_assert(true)  // base/toml_guard.h
 #include <toml++/toml.h>
 
 #include "base/text.h"
+#include "base/toml_guard.h"
 
 namespace crosstie::app {
 
@@ -26,7 +28,7 @@ struct JobTable::File {
     const std::string where = node != nullptr && node->source().begin.line > 0
                                   ? fmt::format("{}:{}", path.string(), node->source().begin.line)
                                   : path.string();
-    error = base::Error{ErrorCode::kBadInput, fmt::format("{}: {}", where, message)};
+    error = base::Error{ErrorCode::kBadInput, fmt::format("{}: {}", where, base::toml_message(message))};
   }
 };
 
@@ -62,10 +64,12 @@ bool lies_in(double value, Domain domain) {
 }  // namespace
 
 Result<JobTable> JobTable::parse(const std::filesystem::path& file, const std::string& text) {
+  if (const auto fault = base::toml_fault(text))
+    return base::fail(ErrorCode::kBadInput, fmt::format("{}:{}: {}", file.string(), fault->line, fault->what));
   toml::parse_result parsed = toml::parse(text, file.string());
   if (!parsed) {
     return base::fail(ErrorCode::kBadInput, fmt::format("{}:{}: {}", file.string(), parsed.error().source().begin.line,
-                                                        parsed.error().description()));
+                                                        base::toml_message(parsed.error().description())));
   }
   auto held = std::make_shared<File>(File{file, std::move(parsed).table(), {}});
   const void* root = &held->root;

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <optional>
 
 #include <fmt/format.h>
@@ -95,12 +96,20 @@ class ValueReader {
   std::size_t at_ = 0;
 };
 
+/// The number of a list's items, which is of an integer type: in ASCII any number may stand there.
+std::optional<std::uint64_t> read_count(ValueReader& values, const PlyProperty& list) {
+  constexpr double kLargest = std::numeric_limits<std::uint32_t>::max();
+  const auto count = values.next(list.count_type);
+  if (!count || !(*count >= 0.0 && *count <= kLargest) || *count != std::floor(*count)) return std::nullopt;
+  return static_cast<std::uint64_t>(*count);
+}
+
 /// Reads one property; lists are read over. Nothing where the data ends or is no number.
 std::optional<double> read_property(ValueReader& values, const PlyProperty& property) {
   if (!property.is_list) return values.next(property.type);
-  const auto count = values.next(property.count_type);
-  if (!count || *count < 0.0 || *count != std::floor(*count)) return std::nullopt;
-  for (auto left = static_cast<std::uint64_t>(*count); left > 0; --left) {
+  const auto count = read_count(values, property);
+  if (!count) return std::nullopt;
+  for (std::uint64_t left = *count; left > 0; --left) {
     if (!values.next(property.type)) return std::nullopt;
   }
   return 0.0;
@@ -131,12 +140,12 @@ tl::expected<void, std::string> read_faces(ValueReader& values, const PlyElement
           return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off", i));
         continue;
       }
-      const auto count = values.next(property.count_type);
-      if (!count || *count < 3.0 || *count != std::floor(*count)) {
+      const auto count = read_count(values, property);
+      if (!count || *count < 3) {
         return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off, or it has less than three corners", i));
       }
       std::array<std::uint32_t, 3> corners{};
-      for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(*count); ++k) {
+      for (std::uint64_t k = 0; k < *count; ++k) {
         const auto index = values.next(property.type);
         if (!index || *index < 0.0 || *index != std::floor(*index) || *index >= vertex_count) {
           return tl::unexpected<std::string>(fmt::format("face {}: the file is cut off, or a corner is no vertex", i));
@@ -267,7 +276,8 @@ Result<Mesh> read_mesh_file(const std::filesystem::path& path, bool with_faces) 
   return *std::move(mesh);
 }
 
-void append(std::string& bytes, double value, bool as_double) {
+/// False for a finite value that a float cannot hold.
+bool append(std::string& bytes, double value, bool as_double) {
   char buffer[8];
   const float narrow = static_cast<float>(value);
   if (as_double)
@@ -275,6 +285,7 @@ void append(std::string& bytes, double value, bool as_double) {
   else
     std::memcpy(buffer, &narrow, sizeof narrow);
   bytes.append(buffer, as_double ? sizeof value : sizeof narrow);
+  return as_double || std::isfinite(narrow) || !std::isfinite(value);
 }
 
 /// What is wrong with a cloud that is to be written, or nothing.
@@ -331,15 +342,17 @@ Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const 
     bytes += fmt::format("property {} {}{}\n", as_double.back() ? "double" : "float", kFieldPrefix, field.name);
   }
   bytes += "end_header\n";
+  bool held = true;
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
-    for (int k = 0; k < 3; ++k) append(bytes, cloud.points[i][k], options.double_coordinates);
-    for (int k = 0; k < 3 && !cloud.normals.empty(); ++k) append(bytes, cloud.normals[i][k], false);
+    for (int k = 0; k < 3; ++k) held &= append(bytes, cloud.points[i][k], options.double_coordinates);
+    for (int k = 0; k < 3 && !cloud.normals.empty(); ++k) held &= append(bytes, cloud.normals[i][k], false);
     for (int r = 0; r < 3 && !cloud.cov_mm2.empty(); ++r) {
-      for (int c = r; c < 3; ++c) append(bytes, cloud.cov_mm2[i](r, c), false);
+      for (int c = r; c < 3; ++c) held &= append(bytes, cloud.cov_mm2[i](r, c), false);
     }
-    if (quality != nullptr) append(bytes, quality->values[i], false);
-    for (std::size_t f = 0; f < cloud.fields.size(); ++f) append(bytes, cloud.fields[f].values[i], as_double[f]);
+    if (quality != nullptr) held &= append(bytes, quality->values[i], false);
+    for (std::size_t f = 0; f < cloud.fields.size(); ++f) held &= append(bytes, cloud.fields[f].values[i], as_double[f]);
   }
+  if (!held) return fail(ErrorCode::kBadInput, fmt::format("cannot write {}: a value is too large for a float", shown(path)));
   return write_file_atomically(path, bytes);
 }
 

@@ -14,7 +14,8 @@ struct PlyOptions {
 
 /// Writes a binary little-endian PLY, atomically: x y z, nx ny nz, cov_xx cov_xy cov_xz cov_yy cov_yz cov_zz, and each field as
 /// `scalar_<name>` (double where whole numbers need it), which CloudCompare shows; the first sigma, or else the first field, once more as
-/// `quality`, which MeshLab shows. Comments state unit, frame and whose values `quality` repeats.
+/// `quality`, which MeshLab shows. Comments state unit, frame and whose values `quality` repeats. kBadInput for a value that is too large for
+/// its 4-byte float.
 Result<> write_ply(const std::filesystem::path& path, const Cloud& cloud, const PlyOptions& options = {});
 
 /// Reads ASCII and binary PLY of either endianness. The header's counts are checked against the file's size before anything is

@@ -26,21 +26,6 @@ constexpr std::size_t kRefusers = 4;
 constexpr std::chrono::milliseconds kLinger{1000};
 constexpr std::chrono::milliseconds kShortLinger{300};
 
-/// What is refused before the HTTP library sees it; nothing where there is nobody to tell.
-std::optional<detail::Refusal> refuse_early(Connection::Head read, std::string_view head) {
-  switch (read) {
-    case Connection::Head::kSlow:
-      return detail::Refusal{408, "the request did not come in time"};
-    case Connection::Head::kTooLong:
-      return detail::Refusal{431, "the head of a request has 16 KiB at most"};
-    case Connection::Head::kComplete:
-      return detail::refuse_head(head);
-    case Connection::Head::kNone:
-      break;
-  }
-  return std::nullopt;
-}
-
 /// An address at which a browser on this computer finds the page.
 std::string shown_address(const std::string& address) {
   return address == "0.0.0.0" ? "127.0.0.1" : address == "::" ? "::1" : address;
@@ -99,12 +84,7 @@ class PageServer::Impl {
       connection.end(kShortLinger);
       return;
     }
-    const Connection::Head head = connection.read_head();
-    if (const auto refusal = refuse_early(head, connection.head())) {
-      connection.write(detail::refusal_text(*refusal));
-    } else if (head == Connection::Head::kComplete) {
-      detail::exchange(connection, site_, slot);
-    }
+    detail::exchange(connection, site_, slot);
     connection.end(kLinger);
   }
 

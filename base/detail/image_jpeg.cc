@@ -29,9 +29,22 @@ void treat_message(j_common_ptr decoder, int level) {
   if (level < 0) give_up(decoder);
 }
 
+/// Scans of a progressive file. Default: encoders write some ten; each costs a pass over all blocks and may take as little as twelve bytes,
+/// so that without a limit a file of some megabytes keeps the decoder busy for minutes.
+constexpr int kMaxScans = 100;
+
+void limit_scans(j_common_ptr decoder) {
+  if (reinterpret_cast<j_decompress_ptr>(decoder)->input_scan_number <= kMaxScans) return;
+  auto* manager = reinterpret_cast<ErrorManager*>(decoder->err);
+  std::snprintf(manager->message, sizeof manager->message, "it has more than %d scans", kMaxScans);
+  std::longjmp(manager->escape, 1);
+}
+
 /// Decodes to rows of `stride` bytes. False with a message in `manager` where the data is not flawless.
 bool decode(std::string_view bytes, ErrorManager& manager, unsigned char* pixels, JDIMENSION width, JDIMENSION height) {
   jpeg_decompress_struct decoder{};
+  jpeg_progress_mgr progress{};
+  progress.progress_monitor = limit_scans;
   decoder.err = jpeg_std_error(&manager.base);
   manager.base.error_exit = give_up;
   manager.base.emit_message = treat_message;
@@ -40,6 +53,7 @@ bool decode(std::string_view bytes, ErrorManager& manager, unsigned char* pixels
     return false;
   }
   jpeg_create_decompress(&decoder);
+  decoder.progress = &progress;
   jpeg_mem_src(&decoder, reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<unsigned long>(bytes.size()));
   jpeg_read_header(&decoder, TRUE);
   decoder.out_color_space = JCS_GRAYSCALE;

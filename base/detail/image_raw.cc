@@ -166,7 +166,7 @@ Decoded<ImageHeader> read_pnm_header(std::string_view bytes) {
 Decoded<Image> decode_pnm(std::string_view bytes, const ImageHeader& header) {
   const auto layout = pnm_layout(bytes);
   if (!layout) return undecodable(layout.error());
-  const std::size_t sample_bytes = header.info.bits / 8;
+  const auto sample_bytes = static_cast<std::size_t>(header.info.bits / 8);
   // In text, a sample has a digit and a blank at least, the last one only the digit.
   const std::size_t least = layout->binary ? layout->samples() * sample_bytes : 2 * layout->samples() - 1;
   if (bytes.size() < layout->data_offset || bytes.size() - layout->data_offset < least) return undecodable(kCutOff);

@@ -38,6 +38,10 @@ std::vector<std::string_view> words_of(std::string_view line) {
   return words;
 }
 
+bool has_control_character(std::string_view word) {
+  return std::any_of(word.begin(), word.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
 /// Takes one line of the header into account; the error is the reason.
 tl::expected<void, std::string> read_line(std::string_view line, PlyHeader& header, bool& has_format) {
   const auto words = words_of(line);
@@ -63,7 +67,8 @@ tl::expected<void, std::string> read_line(std::string_view line, PlyHeader& head
     if (header.elements.empty()) return bad("a property before the first element");
     PlyProperty property;
     property.is_list = words.size() > 1 && words[1] == "list";
-    if (words.size() != (property.is_list ? 5U : 3U)) return bad(fmt::format("a property that cannot be read: {}", line));
+    if (words.size() != (property.is_list ? 5U : 3U) || has_control_character(words.back()))
+      return bad(fmt::format("a property that cannot be read: {}", line));
     const auto type = type_from_name(words[words.size() - 2]);
     const auto count_type = property.is_list ? type_from_name(words[2]) : PlyType::kUint8;
     if (!type || !count_type || *count_type == PlyType::kFloat || *count_type == PlyType::kDouble) {

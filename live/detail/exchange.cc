@@ -240,8 +240,30 @@ class Exchange final : public httplib::Server {
   Slot& slot_;
 };
 
+/// What is refused before the HTTP library sees it; nothing where there is nobody to tell.
+std::optional<Refusal> refuse_early(Connection::Head read, std::string_view head) {
+  switch (read) {
+    case Connection::Head::kSlow:
+      return Refusal{408, "the request did not come in time"};
+    case Connection::Head::kTooLong:
+      return Refusal{431, "the head of a request has 16 KiB at most"};
+    case Connection::Head::kComplete:
+      return refuse_head(head);
+    case Connection::Head::kNone:
+      break;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
-void exchange(Connection& connection, Site& site, Slot& slot) { Exchange(connection, site, slot).run(); }
+void exchange(Connection& connection, Site& site, Slot& slot) {
+  const Connection::Head head = connection.read_head();
+  if (const auto refusal = refuse_early(head, connection.head())) {
+    connection.write(refusal_text(*refusal));
+  } else if (head == Connection::Head::kComplete) {
+    Exchange(connection, site, slot).run();
+  }
+}
 
 }  // namespace crosstie::live::detail

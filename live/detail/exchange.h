@@ -30,7 +30,7 @@ struct Site {
   std::stop_token stop;
 };
 
-/// Reads one request from a connection whose head is complete and answers it. A stream gives `slot` back and takes one of site.streams.
+/// Reads one request from a connection and answers it; nothing where none comes. A stream gives `slot` back and takes one of site.streams.
 void exchange(Connection& connection, Site& site, Slot& slot);
 
 }  // namespace crosstie::live::detail

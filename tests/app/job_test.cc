@@ -283,6 +283,74 @@ TEST(Job, SaysThatItIsMissing) {
   EXPECT_EQ(read_job(folder.path()).error().code, base::ErrorCode::kFileSystem);
 }
 
+/// toml++ unwinds tables by recursion: some megabytes of dotted keys ended the program by its stack.
+TEST(Job, KeysOfMillionsOfPartsAreRefused) {
+  const tests::TemporaryFolder folder;
+  std::string parts = "a";
+  for (int i = 0; i < 4'000'000; ++i) parts += ".a";
+  for (const std::string& text :
+       {"[" + parts + "]\n", parts + " = 1\n", "[[ \"=\\\"\" . " + parts + "]]\n", "x = { " + parts + " = 1 }\n"}) {
+    folder.write("job.toml", "format = \"crosstie-job/1\"\n" + text);
+    const auto job = read_job(folder.path());
+    ASSERT_FALSE(job);
+    EXPECT_EQ(job.error().code, base::ErrorCode::kBadInput);
+    EXPECT_THAT(job.error().message, HasSubstr("job.toml:2: a key of more than 32 parts"));
+  }
+}
+
+/// What toml++ asks of these characters ends in undefined behaviour (its function for blanks beyond ASCII).
+TEST(Job, CharactersBeyondAsciiStandInQuotesAndComments) {
+  const tests::TemporaryFolder folder;
+  const std::string head = "\xEF\xBB\xBF#\xC3\xBC\nformat = \"crosstie-job/1\"\n";
+  folder.write("job.toml", head + R"(markers = { family = "ring10" }
+name = """Tür \
+  A""""
+[network]
+images = { 'büro' = 'ü*.png' } # ä
+[camera."büro"]
+focal_mm = 24
+sensor_width_mm = 23.5
+)");
+  const auto good = read_job(folder.path());
+  ASSERT_TRUE(good) << good.error().message;
+  EXPECT_EQ(good->name, "Tür A\"");
+  EXPECT_TRUE(good->cameras.contains("büro"));
+  for (const std::string text : {"[camera.c67\xCF\x98\n", "größe = 3\n", "name =ä\n", "name = \"a\" \u2002\n",
+                                 R"(name = """a \ü""")", "x = { a = '''b''''' ü\n", R"(x = { a = "\"#" ü)"}) {
+    folder.write("job.toml", head + text);
+    const auto job = read_job(folder.path());
+    ASSERT_FALSE(job) << text;
+    EXPECT_EQ(job.error().code, base::ErrorCode::kBadInput);
+    EXPECT_THAT(job.error().message, HasSubstr("job.toml:3: a character that is not ASCII"));
+  }
+}
+
+TEST(Job, DotsInTextsAndNumbersAreNoPartsOfKeys) {
+  const tests::TemporaryFolder folder;
+  const std::string dots(100, '.');
+  std::string numbers = "0.5";
+  for (int i = 0; i < 100; ++i) numbers += ", 0.5";
+  folder.write("job.toml", "format = \"crosstie-job/1\"\nname = \"\"\"\\\"\n" + dots + "\"\"\" # " + dots +
+                               "\n[limits]\nsigma0_px = [" + numbers + "]\n");
+  const auto job = read_job(folder.path());
+  ASSERT_FALSE(job);
+  EXPECT_THAT(job.error().message, HasSubstr("job.toml:5: sigma0_px must be a positive number"));
+}
+
+TEST(Job, ErrorsAreOneShortLineWhateverTheyQuote) {
+  const tests::TemporaryFolder folder;
+  for (const std::string& text :
+       {std::string("format = \"\"\"a\nb\"\"\"\n"),
+        "format = \"crosstie-job/1\"\n\"" + std::string(1'000'000, 'k') + "\" = 1\n",
+        std::string("format = \"crosstie-job/1\"\nname = fals\n"), std::string("format = \"crosstie-job/1\"\n\"\\n\" = 1\n")}) {
+    folder.write("job.toml", text);
+    const auto job = read_job(folder.path());
+    ASSERT_FALSE(job);
+    EXPECT_THAT(job.error().message, testing::Not(HasSubstr("\n")));
+    EXPECT_LT(job.error().message.size(), 1000U);
+  }
+}
+
 TEST(TomlText, ReadsBackAsItWas) {
   const tests::TemporaryFolder folder;
   const std::string awkward = "a \"quoted\" \\ path\twith\nall ü";

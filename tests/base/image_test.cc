@@ -189,6 +189,30 @@ TEST(Image, AHalfJpegIsNoImage) {
   }
 }
 
+/// A grey progressive JPEG of 64 x 64 px by ISO/IEC 10918-1: one scan with all means, which are 0, then empty scans of all else, each one run
+/// of 16384 blocks without coefficients.
+std::string jpeg_of_scans(int count) {
+  using namespace std::string_literals;
+  std::string bytes = "\xff\xd8\xff\xdb\x00\x43\x00"s + std::string(64, '\1');
+  bytes += "\xff\xc2\x00\x0b\x08\x00\x40\x00\x40\x01\x01\x11\x00"s;
+  bytes += "\xff\xc4\x00\x14\x00\x01"s + std::string(15, '\0') + "\x00"s;
+  bytes += "\xff\xc4\x00\x14\x10\x01"s + std::string(15, '\0') + "\xe0"s;
+  bytes += "\xff\xda\x00\x08\x01\x01\x00\x00\x00\x00"s + std::string(8, '\0');
+  for (int i = 1; i < count; ++i) bytes += "\xff\xda\x00\x08\x01\x01\x00\x01\x3f\x00\x00\x01"s;
+  return bytes + "\xff\xd9"s;
+}
+
+TEST(Image, AJpegOfThousandsOfScansIsRefused) {
+  const TemporaryFolder folder;
+  const auto image = read_image(folder.write("few.jpg", jpeg_of_scans(20)));
+  ASSERT_TRUE(image) << image.error().message;
+  EXPECT_EQ(grey(*image, 5, 60), 128.0);
+  const auto refused = read_image(folder.write("many.jpg", jpeg_of_scans(5000)));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kBadInput);
+  EXPECT_THAT(refused.error().message, HasSubstr("more than 100 scans"));
+}
+
 TEST(Image, MostFlippedBytesOfAJpegAreSeen) {
   // A JPEG has no check sums: what decodes without a complaint cannot be told from a picture. PNG misses none.
   const TemporaryFolder folder;

@@ -49,6 +49,8 @@ TEST(Pcd, ListsThatDoNotFitAreRefused) {
   EXPECT_FALSE(write_pcd(folder / "cloud.pcd", cloud));
   cloud.fields = {{"two words", {0.5}}};
   EXPECT_FALSE(write_pcd(folder / "cloud.pcd", cloud));
+  cloud.fields = {{"beyond_a_float", {1e39}}};
+  EXPECT_FALSE(write_pcd(folder / "cloud.pcd", cloud));
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 

@@ -92,6 +92,11 @@ TEST(Ply, RefusesWithAReason) {
       {"ply\nformat binary_little_endian 1.0\nelement junk 1\nproperty list uint double v\nelement vertex 1\n" + kXyz + end +
            raw<std::uint32_t>(4000000000U) + raw(0.0) + raw(0.0),
        "cut off in junk"},
+      {kAscii + "element vertex 1\n" + kXyz + "property float sigma\rmm\n" + end + "1 2 3 4\n", "cannot be read"},
+      // Counts that no integer holds: a cast of them is undefined.
+      {kAscii + "element vertex 1\n" + kXyz + "property list uchar int tags\n" + end + "1 2 3 1e300 5\n", "vertex 0"},
+      {kAscii + "element junk 1\nproperty list int int v\nelement vertex 1\n" + kXyz + end + "1e19 4 1 2 3\n",
+       "cut off in junk"},
   };
   for (const auto& [bytes, message] : cases) {
     const auto cloud = cloud_of(bytes);
@@ -201,6 +206,20 @@ TEST(Ply, ListsOfDifferentLengthAreNotWritten) {
   cloud.fields = {{"a name", {1.0}}};
   EXPECT_FALSE(write_ply(folder / "a.ply", cloud));
   EXPECT_FALSE(std::filesystem::exists(folder / "a.ply"));
+}
+
+TEST(Ply, ValuesThatAFloatCannotHoldAreNotWritten) {
+  const TemporaryFolder folder;
+  Cloud cloud;
+  cloud.points.emplace_back(1e300, 2, 3);  // x y z are doubles
+  EXPECT_TRUE(write_ply(folder / "double.ply", cloud));
+  EXPECT_EQ(read_ply(folder / "double.ply")->points, cloud.points);
+  const auto as_floats = write_ply(folder / "float.ply", cloud, {.double_coordinates = false});
+  ASSERT_FALSE(as_floats);
+  EXPECT_THAT(as_floats.error().message, HasSubstr("too large"));
+  cloud.normals.emplace_back(0, -1e39, 0);
+  EXPECT_FALSE(write_ply(folder / "float.ply", cloud));
+  EXPECT_FALSE(std::filesystem::exists(folder / "float.ply"));
 }
 
 }  // namespace
