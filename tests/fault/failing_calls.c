@@ -4,7 +4,8 @@
 //   CROSSTIE_FAULT         count | kill:N | fail:N:ERRNO | from:N:ERRNO (that call and all later ones) | short:N (that write writes half; 0: each one)
 //   CROSSTIE_FAULT_LOG     where the number of calls is written at the end
 //   CROSSTIE_FAULT_CLOCK   seconds by which the time of day is moved
-//   CROSSTIE_FAULT_THREAD  the N-th thread cannot be made
+//   CROSSTIE_FAULT_THREAD  the N-th thread and all later ones cannot be made
+//   CROSSTIE_FAULT_NAMED   the file system cannot make files without a name (O_TMPFILE)
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -31,6 +32,7 @@ static long chosen = 0;
 static int number = 0;
 static long clock_offset_s = 0;
 static long failing_thread = 0;
+static int only_named = 0;
 static atomic_long calls = 0;
 static atomic_long threads = 0;
 
@@ -43,6 +45,7 @@ __attribute__((constructor)) static void begin(void) {
   folder = getenv("CROSSTIE_FAULT_FOLDER");
   clock_offset_s = of_environment("CROSSTIE_FAULT_CLOCK");
   failing_thread = of_environment("CROSSTIE_FAULT_THREAD");
+  only_named = getenv("CROSSTIE_FAULT_NAMED") != NULL;
   const char* what = getenv("CROSSTIE_FAULT");
   if (what == NULL) return;
   if (sscanf(what, "kill:%ld", &chosen) == 1) mode = kKill;
@@ -78,6 +81,12 @@ static int is_file_below(int file) {
 
 static int is_at_below(int at, const char* path) { return path != NULL && path[0] == '/' ? is_below(path) : is_file_below(at); }
 
+static int is_nameless(int flags) {
+  if (!only_named || (flags & O_TMPFILE) != O_TMPFILE) return 0;
+  errno = EOPNOTSUPP;
+  return 1;
+}
+
 /// Counts a call that concerns the folder; whether it has to fail, with errno set. 2: write less.
 static int fails(int concerns) {
   if (!concerns) return 0;
@@ -108,6 +117,7 @@ static void counts(int concerns) {
     va_start(more, flags);                                                            \
     const mode_t bits = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(more, mode_t) : 0; \
     va_end(more);                                                                     \
+    if (is_nameless(flags)) return -1;                                                \
     if ((flags & (O_CREAT | O_WRONLY | O_RDWR)) != 0 && fails(is_below(path)) == 1) return -1; \
     return real(path, flags, bits);                                                   \
   }
@@ -121,6 +131,7 @@ OPEN(open64)
     va_start(more, flags);                                                            \
     const mode_t bits = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(more, mode_t) : 0; \
     va_end(more);                                                                     \
+    if (is_nameless(flags)) return -1;                                                \
     if ((flags & (O_CREAT | O_WRONLY | O_RDWR)) != 0 && fails(is_at_below(at, path)) == 1) return -1; \
     return real(at, path, flags, bits);                                               \
   }

@@ -97,9 +97,14 @@ void Running::send(int signal) {
 
 Ended Running::wait() {
   int status = 0;
-  waitpid(process_, &status, 0);
+  rusage used{};
+  wait4(process_, &status, 0, &used);
   process_ = -1;
   Ended ended;
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  ended.used_s = seconds(used.ru_utime) + seconds(used.ru_stime);
   ended.seconds = now_s() - since_s_;
   if (WIFEXITED(status)) ended.exit_code = WEXITSTATUS(status);
   if (WIFSIGNALED(status)) ended.signal = WTERMSIG(status);

@@ -27,6 +27,7 @@ struct Ended {
   int signal = 0;
   std::string out, err;
   double seconds = 0.0;  ///< since the last signal that was sent to it, else since its start
+  double used_s = 0.0;   ///< of processor time
   long calls = 0;        ///< counted by failing_calls.c
 };
 

@@ -144,6 +144,16 @@ TEST_P(Writing, WritesThatTakeLessAreGoneOnWith) {
   ++cases_;
 }
 
+TEST_P(Writing, OnFileSystemsThatOnlyHaveFilesWithNames) {
+  ++cases_;
+  restore(folder(), work_.before);
+  Fault fault = at_call("count", folder());
+  fault.environment["CROSSTIE_FAULT_NAMED"] = "1";
+  const Ended ended = run_with(words_in(GetParam(), folder()), fault);
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_EQ(differences(work_.after, files_in(folder())), "");
+}
+
 TEST_P(Writing, TheSameBytesEachTimeAndForAnyNumberOfThreads) {
   for (const char* threads : {"1", "64"}) {
     SCOPED_TRACE(threads);
