@@ -31,8 +31,10 @@ Result<std::vector<base::ResultInput>> hashed_inputs(const std::vector<std::file
 }
 
 ordered_json earlier_result(const std::filesystem::path& folder, const ordered_json& options) {
+  ResultFolder::clear_leftovers(folder);
   const auto result = base::read_json(folder / "result.json");
   if (!result || !result->is_object()) return nullptr;
+  if (result->value("format", ordered_json()) != "crosstie-result/1") return nullptr;
   const auto version = result->find("version");
   const auto made_with = result->find("options");
   if (version == result->end() || made_with == result->end()) return nullptr;

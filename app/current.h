@@ -21,7 +21,7 @@ base::Result<std::vector<base::ResultInput>> hashed_inputs(const std::vector<std
                                                            const std::filesystem::path& folder);
 
 /// The result of a verb as it stands in a folder, where it was made by this version with these options; null otherwise (also
-/// where it is missing or damaged: then it is computed again).
+/// where it is missing or damaged: then it is computed again). What a killed process left beside the folder is removed.
 nlohmann::ordered_json earlier_result(const std::filesystem::path& folder, const nlohmann::ordered_json& options);
 
 /// kVerdictFailed where a verdict of the result is a FAIL.

@@ -1,24 +1,31 @@
 // One executable: a table of verbs (app/verb.cc), one file each in app/commands.
 
+#include <unistd.h>
+
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <new>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 #include <fmt/core.h>
 
 #include "app/command_line.h"
+#include "app/result_folder.h"
 #include "app/session.h"
 #include "app/verb.h"
 #include "base/file.h"
 
 namespace {
 
-using crosstie::app::Invocation;
+using crosstie::base::ErrorCode;
 
-/// Turns Ctrl-C and SIGTERM into a stop request: the signals are blocked in every thread and waited for in this one.
+/// Turns Ctrl-C and SIGTERM into a stop request: the signals are blocked in every thread and waited for in this one. What does not stop
+/// soon, since it is in the midst of one long computation, is ended; so is everything at the second signal.
 class SignalWatch {
  public:
   SignalWatch() {
@@ -29,10 +36,16 @@ class SignalWatch {
     pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
     watcher_ = std::jthread([this](const std::stop_token& done) {
-      while (!done.stop_requested()) {
-        int signal = 0;
-        if (sigwait(&signals_, &signal) == 0 && signal != kDone) source_.request_stop();
+      int signal = 0;
+      while (sigwait(&signals_, &signal) != 0) {
       }
+      if (done.stop_requested()) return;
+      source_.request_stop();
+      if (sigtimedwait(&signals_, nullptr, &kPatience) == kDone || done.stop_requested()) return;
+      constexpr std::string_view kMessage = "\ncrosstie: stopped\n";
+      const std::string_view line = isatty(STDERR_FILENO) == 1 ? kMessage : kMessage.substr(1);
+      static_cast<void>(!write(STDERR_FILENO, line.data(), line.size()));
+      crosstie::app::ResultFolder::abandon_all(static_cast<int>(crosstie::base::ErrorCode::kCancelled));
     });
   }
   SignalWatch(const SignalWatch&) = delete;
@@ -44,7 +57,8 @@ class SignalWatch {
   [[nodiscard]] std::stop_token token() const { return source_.get_token(); }
 
  private:
-  static constexpr int kDone = SIGUSR1;  ///< ends the wait
+  static constexpr int kDone = SIGUSR1;                                      ///< ends the wait
+  static constexpr timespec kPatience{.tv_sec = 0, .tv_nsec = 600'000'000};  ///< Ctrl-C works within a second
 
   sigset_t signals_{};
   std::stop_source source_;
@@ -57,19 +71,23 @@ int fail(const crosstie::base::Error& error) {
 }
 
 int run(const std::vector<std::string>& words) {
-  auto invocation = crosstie::app::parse_command_line(words, crosstie::app::verbs());
-  if (!invocation) return fail(invocation.error());
-  if (invocation->verb == nullptr) {
-    fmt::print("{}", invocation->text);
-    return 0;
-  }
-  const SignalWatch signals;
-  crosstie::app::Session session(invocation->quiet, invocation->threads, signals.token());
   try {
+    auto invocation = crosstie::app::parse_command_line(words, crosstie::app::verbs());
+    if (!invocation) return fail(invocation.error());
+    if (invocation->verb == nullptr) {
+      fmt::print("{}", invocation->text);
+      return 0;
+    }
+    const SignalWatch signals;
+    crosstie::app::Session session(invocation->quiet, invocation->threads, signals.token());
     const auto outcome = invocation->verb->run(invocation->arguments, session);
     return outcome ? static_cast<int>(*outcome) : fail(outcome.error());
+  } catch (const std::bad_alloc&) {
+    return fail({ErrorCode::kFileSystem, "not enough memory"});
+  } catch (const std::system_error& error) {
+    return fail({ErrorCode::kFileSystem, fmt::format("the system refuses: {}", error.what())});
   } catch (const std::exception& error) {
-    return fail({crosstie::base::ErrorCode::kInternal, fmt::format("a defect of crosstie: {}", error.what())});
+    return fail({ErrorCode::kInternal, fmt::format("a defect of crosstie: {}", error.what())});
   }
 }
 

@@ -7,6 +7,8 @@
 
 #include <cerrno>
 #include <cstring>
+#include <mutex>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -59,13 +61,63 @@ void sync_folder(const fs::path& folder) {
   close(handle);
 }
 
+/// The temporary names of all folders in the making. Who holds the mutex keeps them from being put in their places.
+struct InTheMaking {
+  std::mutex mutex;
+  std::set<fs::path> paths;
+
+  void add(const fs::path& path) {
+    const std::lock_guard lock(mutex);
+    paths.insert(path);
+  }
+  void forget(const fs::path& path) {
+    const std::lock_guard lock(mutex);
+    paths.erase(path);
+  }
+};
+
+InTheMaking& in_the_making() {
+  static InTheMaking& all = *new InTheMaking;  // never destroyed: another thread may end the process at any time
+  return all;
+}
+
+fs::path normal(const fs::path& target) {
+  std::error_code error;
+  fs::path path = fs::absolute(target, error).lexically_normal();
+  return path.has_filename() ? path : path.parent_path();
+}
+
 }  // namespace
+
+void ResultFolder::clear_leftovers(const fs::path& target) {
+  const fs::path path = normal(target);
+  const fs::path staging = beside(path, ".partial");
+  const fs::path lock_file = beside(path, ".lock");
+  std::error_code ignored;
+  if (!fs::exists(staging, ignored) && !fs::exists(lock_file, ignored)) return;
+  const auto lock = take_lock(lock_file);
+  if (!lock) return;
+  fs::remove_all(staging, ignored);
+  fs::remove(lock_file, ignored);
+  close(*lock);
+}
+
+void ResultFolder::abandon_all(int exit_code) {
+  InTheMaking& all = in_the_making();
+  all.mutex.lock();  // for good
+  std::error_code error;
+  for (auto path = all.paths.rbegin(); path != all.paths.rend();
+       ++path) {  // .NAME.partial before the .NAME.lock that guards it
+    // Other threads may still write into it.
+    for (int attempt = 0; attempt < 20 && fs::exists(*path, error); ++attempt) fs::remove_all(*path, error);
+  }
+  _exit(exit_code);
+}
 
 Result<ResultFolder> ResultFolder::begin(const fs::path& target, bool (*may_replace)(const fs::path&)) {
   ResultFolder folder;
   std::error_code error;
-  folder.target_ = fs::absolute(target, error).lexically_normal();
-  if (!folder.target_.has_filename()) folder.target_ = folder.target_.parent_path();
+  folder.target_ = normal(target);
   if (fs::exists(folder.target_, error) && !fs::is_directory(folder.target_, error)) {
     return base::fail(ErrorCode::kFileSystem, fmt::format("{} is a file; results need a folder", target.string()));
   }
@@ -79,10 +131,12 @@ Result<ResultFolder> ResultFolder::begin(const fs::path& target, bool (*may_repl
   auto lock = take_lock(beside(folder.target_, ".lock"));
   if (!lock) return base::fail(std::move(lock));
   folder.lock_ = *lock;
+  in_the_making().add(beside(folder.target_, ".lock"));
   const fs::path staging = beside(folder.target_, ".partial");
   fs::remove_all(staging, error);
   if (!fs::create_directory(staging, error)) return failed("create", staging, error);
   folder.staging_ = staging;
+  in_the_making().add(staging);
   return folder;
 }
 
@@ -94,8 +148,10 @@ ResultFolder::~ResultFolder() {
   if (!staging_.empty() && fs::remove_all(staging_, ignored) == static_cast<std::uintmax_t>(-1)) {
     fs::remove(staging_, ignored);  // where no handle is left to look into it, it holds nothing
   }
+  if (!staging_.empty()) in_the_making().forget(staging_);
   if (lock_ >= 0) {
     fs::remove(beside(target_, ".lock"), ignored);
+    in_the_making().forget(beside(target_, ".lock"));
     close(lock_);
   }
 }
@@ -111,16 +167,20 @@ bool ResultFolder::keep(const fs::path& name) const {
 Result<> ResultFolder::commit() {
   sync_folder(staging_);
   std::error_code error;
-  if (fs::exists(target_, error)) {
-    // Both names change places in one step; the old result is then under the temporary name and goes with it.
-    if (renameat2(AT_FDCWD, staging_.c_str(), AT_FDCWD, target_.c_str(), RENAME_EXCHANGE) != 0) {
-      return failed("replace", target_, {errno, std::generic_category()});
+  {
+    const std::lock_guard lock(in_the_making().mutex);
+    if (fs::exists(target_, error)) {
+      // Both names change places in one step; the old result is then under the temporary name and goes with it.
+      if (renameat2(AT_FDCWD, staging_.c_str(), AT_FDCWD, target_.c_str(), RENAME_EXCHANGE) != 0) {
+        return failed("replace", target_, {errno, std::generic_category()});
+      }
+    } else {
+      fs::rename(staging_, target_, error);
+      if (error) return failed("create", target_, error);
     }
-    fs::remove_all(staging_, error);
-  } else {
-    fs::rename(staging_, target_, error);
-    if (error) return failed("create", target_, error);
   }
+  fs::remove_all(staging_, error);
+  in_the_making().forget(staging_);
   staging_.clear();
   sync_folder(target_.parent_path());
   return {};

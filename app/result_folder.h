@@ -27,6 +27,11 @@ class ResultFolder {
   bool keep(const std::filesystem::path& name) const;
   base::Result<> commit();
 
+  /// Removes what a killed process left beside a result; nothing where another process is about to write it.
+  static void clear_leftovers(const std::filesystem::path& target);
+  /// Ends the process at once, without folders in the making: results that are being put in their places are there before or not at all.
+  [[noreturn]] static void abandon_all(int exit_code);
+
  private:
   ResultFolder() = default;
   std::filesystem::path target_;

@@ -42,10 +42,19 @@ class SizeLimitGuard {
   bool active_ = false;
 };
 
-/// A temporary file that is removed unless it was renamed.
+/// A temporary file that is removed unless it became the target. Where the file system can, it has no name until it is complete: what a
+/// killed process was writing then goes with the process.
 class TemporaryFile {
  public:
   static Result<TemporaryFile> create(const std::filesystem::path& folder, const std::filesystem::path& target) {
+    if (::access(kOwnFiles, F_OK) == 0) {  // by which it gets its name
+      int nameless = -1;
+      do {
+        nameless = ::open(folder.c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, 0666);
+      } while (nameless < 0 && errno == EINTR);
+      if (nameless >= 0) return TemporaryFile({}, nameless);
+      if (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL) return system_failure("write", target, errno);
+    }
     static std::atomic<unsigned> counter{0};
     for (int attempt = 0; attempt < 1000; ++attempt) {
       std::filesystem::path path = folder / fmt::format(".crosstie-{}-{}.tmp", ::getpid(), counter.fetch_add(1));
@@ -68,13 +77,14 @@ class TemporaryFile {
       if (count > 0) contents.remove_prefix(static_cast<std::size_t>(count));
     }
     if (::fsync(file_.number()) != 0) return system_failure("write", target, errno);
-    if (file_.close() != 0 && errno != EINTR) return system_failure("write", target, errno);
     return {};
   }
 
   void keep_mode(mode_t mode) { static_cast<void>(::fchmod(file_.number(), mode & 07777)); }
 
   Result<> become(const std::filesystem::path& target) {
+    if (path_.empty()) return name_it(target);
+    if (file_.close() != 0 && errno != EINTR) return system_failure("write", target, errno);
     if (::rename(path_.c_str(), target.c_str()) != 0) return system_failure("write", target, errno);
     path_.clear();
     return {};
@@ -82,6 +92,33 @@ class TemporaryFile {
 
  private:
   TemporaryFile(std::filesystem::path path, int fd) : path_(std::move(path)), file_(fd) {}
+
+  /// Gives a nameless file the target's name; where that is taken, by way of one beside it. That one belongs to the target, so that the next
+  /// write takes away what a process left that was killed between the two.
+  Result<> name_it(const std::filesystem::path& target) {
+    if (link_to(target)) return {};
+    if (errno != EEXIST) return system_failure("write", target, errno);
+    const std::string hash = sha256_hex(target.filename().string());
+    const std::filesystem::path beside = target.parent_path() / fmt::format(".crosstie-{:.16}.tmp", hash);
+    for (int attempt = 0; attempt < 1000; ++attempt) {
+      if (link_to(beside)) {
+        if (::rename(beside.c_str(), target.c_str()) == 0) return {};
+        const int number = errno;
+        if (number == ENOENT) continue;  // another writer of the same file took it away
+        ::unlink(beside.c_str());
+        return system_failure("write", target, number);
+      }
+      if (errno != EEXIST || (::unlink(beside.c_str()) != 0 && errno != ENOENT)) return system_failure("write", target, errno);
+    }
+    return system_failure("write", target, EEXIST);
+  }
+
+  bool link_to(const std::filesystem::path& name) {
+    const std::string self = fmt::format("{}/{}", kOwnFiles, file_.number());
+    return ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0;
+  }
+
+  static constexpr const char* kOwnFiles = "/proc/self/fd";
 
   std::filesystem::path path_;
   FileDescriptor file_;

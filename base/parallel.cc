@@ -4,6 +4,7 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -16,6 +17,8 @@ namespace {
 Result<> run_guarded(const std::function<Result<>(std::size_t)>& work, std::size_t i) {
   try {
     return work(i);
+  } catch (const std::bad_alloc&) {
+    return fail(ErrorCode::kFileSystem, "not enough memory");
   } catch (const std::exception& e) {
     return fail(ErrorCode::kInternal, std::string("an exception left item ") + std::to_string(i) + ": " + e.what());
   } catch (...) {

@@ -181,6 +181,8 @@ Result<std::optional<std::vector<base::BoardCorner>>> find_corners(const base::I
       corners.push_back({i, crossings ? refined[at] : Eigen::Vector2d(points[at].x, points[at].y), 0.0});
     }
     return corners;
+  } catch (const std::bad_alloc&) {
+    return fail(ErrorCode::kFileSystem, "not enough memory");
   } catch (const std::exception& error) {
     return fail(ErrorCode::kInternal, std::string("OpenCV failed to look for the board: ") + error.what());
   }

@@ -118,6 +118,7 @@ Result<Detection> detect_in_detail(const ImageView& image, const MarkerFamily& f
     result.dark_fraction = exposure.dark_fraction;
     if (!family.tag) candidates = detail::find_candidates(image, options);
   } catch (const cv::Exception& error) {
+    if (error.code == cv::Error::StsNoMem) return fail(ErrorCode::kFileSystem, "not enough memory");
     return fail(ErrorCode::kInternal, fmt::format("OpenCV failed while looking for dots: {}", error.what()));
   }
 

@@ -216,6 +216,8 @@ Result<MinimiseSummary> minimise(Model& model, const MinimiseOptions& options, c
   const QuietLog quiet;
   try {
     return solve(model, options, progress);
+  } catch (const std::bad_alloc&) {
+    return fail(ErrorCode::kFileSystem, "not enough memory");
   } catch (const std::exception& error) {
     return fail(ErrorCode::kInternal, std::string("the minimisation failed: ") + error.what());
   }

@@ -182,8 +182,12 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   if (fs::exists(file, ignored)) {
     return base::fail(ErrorCode::kUsage, fmt::format("{} is there already; name another folder or remove it", file.string()));
   }
+  const bool is_new = !fs::exists(wishes->job_folder, ignored);
   if (auto made = base::make_folder(wishes->job_folder); !made) return tl::unexpected(made.error());
-  if (auto written = base::write_file_atomically(file, toml_of(*wishes)); !written) return tl::unexpected(written.error());
+  if (auto written = base::write_file_atomically(file, toml_of(*wishes)); !written) {
+    if (is_new) fs::remove(wishes->job_folder, ignored);
+    return tl::unexpected(written.error());
+  }
   if (!wishes->scale_from && !wishes->scale_bars && !wishes->control) {
     session.say("the job knows no scale yet: add scale_bars or scale_from to [network], or scale = \"free\"");
   }

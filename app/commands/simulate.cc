@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include "app/result_folder.h"
 #include "app/verb.h"
 #include "fixtures/scene.h"
 #include "fixtures/simulate.h"
@@ -21,14 +22,17 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   if (*seed && **seed < 0) return base::fail(ErrorCode::kUsage, "--seed must not be negative");
   const std::filesystem::path job = *arguments.get("--out");
   std::error_code ignored;
-  if (std::filesystem::exists(job / "job.toml", ignored)) {
-    return base::fail(ErrorCode::kUsage,
-                      fmt::format("{} is there already; name another folder or remove it", (job / "job.toml").string()));
+  if (std::filesystem::is_directory(job, ignored) && !std::filesystem::is_empty(job, ignored)) {
+    return base::fail(ErrorCode::kUsage, fmt::format("{} holds files; name a new or an empty folder", job.string()));
   }
+  auto folder = ResultFolder::begin(job);
+  if (!folder) return base::fail(std::move(folder));
   fixtures::SimulateOptions options;
   options.seed = static_cast<std::uint64_t>(seed->value_or(1));
   options.threads = session.threads();
-  if (auto done = fixtures::simulate(*scene, job, options, session.progress()); !done) return tl::unexpected(done.error());
+  if (auto done = fixtures::simulate(*scene, folder->path(), options, session.progress()); !done)
+    return base::fail(std::move(done));
+  if (auto done = folder->commit(); !done) return base::fail(std::move(done));
   session.print((job / "job.toml").string());
   return Outcome::kOk;
 }
@@ -44,7 +48,7 @@ Verb simulate_verb() {
             fmt::format("a built-in scene ({}) or a scene description, FILE.toml", fmt::join(fixtures::scene_names(), ", ")),
             true, false, 1, fixtures::scene_names()},
            {"--seed", "N", "seed of all noise (default 1)", false, false},
-           {"--out", "JOB", "job folder to make; may exist, without a job.toml", true, false}},
+           {"--out", "JOB", "job folder to make; may exist, empty", true, false}},
           run};
 }
 

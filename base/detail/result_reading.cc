@@ -72,7 +72,12 @@ std::optional<Eigen::Index> row_of(const std::vector<std::string>& labels, const
 }
 
 void check_verb(const Json& json, std::string_view verb) {
-  if (json.at("format") != std::string(kResultFormat) || json.at("verb") != std::string(verb)) {
+  const Json& format = json.at("format");
+  if (format.is_string() && format != std::string(kResultFormat) && format.get<std::string>().starts_with("crosstie-result/")) {
+    throw Unreadable(fmt::format("its format is {}, and this version of crosstie reads {}; compute it again",
+                                 format.get<std::string>(), kResultFormat));
+  }
+  if (format != std::string(kResultFormat) || json.at("verb") != std::string(verb)) {
     throw Unreadable(fmt::format("not the result of {}", verb));
   }
 }

@@ -50,7 +50,7 @@ do not depend on it).
 | 2 | the call is wrong: unknown option, contradictory options |
 | 3 | bad input: a damaged file, an unknown key in a job, measurements out of their domain |
 | 4 | the observations do not determine what was asked for; the message names what is weak |
-| 5 | file system: a file cannot be read or written |
+| 5 | the system: a file cannot be read or written, memory or threads do not suffice |
 | 6 | a device does not answer |
 | 70 | a defect of crosstie |
 | 130 | stopped by Ctrl-C or SIGTERM; nothing half-written is left |

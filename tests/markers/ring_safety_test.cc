@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -61,6 +62,33 @@ TEST(RingSafety, BlurGivesNoWrongId) {
   }
   EXPECT_EQ(tally.wrong, 0);
   EXPECT_GE(tally.right, 6 * 4);  // sharp enough up to a quarter of the dot's radius
+  EXPECT_GT(tally.refused, 0);    // and the worst are refused
+}
+
+TEST(RingSafety, MotionWhileExposedGivesNoWrongId) {
+  Tally tally;
+  for (std::size_t i = 0; i < 54; i += 9) {
+    for (const int way_px : {1, 2, 4, 6, 9, 12}) {
+      MarkerScene scene = scene_of("ring10", i);
+      scene.radius_px = 8.0;
+      scene.samples_per_px = 4;
+      scene.roll_rad = 0.4 * static_cast<double>(i);
+      const std::vector<double> still = tests::rendered(scene);
+      std::vector<double> moved(still.size(), 0.0);  // along x: the roll turns the code against it
+      for (int y = 0; y < scene.height_px; ++y) {
+        for (int x = 0; x < scene.width_px; ++x) {
+          for (int k = 0; k < way_px; ++k) {
+            const int from = std::clamp(x - k + way_px / 2, 0, scene.width_px - 1);
+            moved[static_cast<std::size_t>(y * scene.width_px + x)] +=
+                still[static_cast<std::size_t>(y * scene.width_px + from)] / way_px;
+          }
+        }
+      }
+      count(tests::photograph(moved, scene.width_px, scene.height_px, {2.0, i}), scene, scene.family.codes[i].id, tally);
+    }
+  }
+  EXPECT_EQ(tally.wrong, 0);
+  EXPECT_GE(tally.right, 6 * 3);  // up to half of the dot's radius
   EXPECT_GT(tally.refused, 0);    // and the worst are refused
 }
 

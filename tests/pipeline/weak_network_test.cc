@@ -88,6 +88,7 @@ std::vector<Case> weak() {
        4,
        {"scale"}},
       {"one image", [](Draft& d) { d.synthetic.network.images.resize(1); }, 4, {"one image"}},
+      {"two images", [](Draft& d) { d.synthetic.network.images.resize(2); }, 4, {"camera c0"}},
       {"one projection centre",
        [](Draft& d) { d.synthetic = make_synthetic({.images = 8, .moving = false}); },
        4,
