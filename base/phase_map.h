@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/pattern_sequence.h"
+#include "base/plane.h"
 #include "base/result.h"
 
 namespace crosstie::base {
@@ -34,9 +35,9 @@ struct GreyNoise {
 struct PhasePlane {
   ProjectorAxis axis = ProjectorAxis::kX;
   double fringes = 0.0;               ///< periods over the projector's extent
-  std::vector<float> turns;           ///< not a number where there is none
-  std::vector<float> sigma_turns;     ///< of the camera's noise
-  std::vector<float> modulation;      ///< B of the finest fringes [grey levels]
+  Plane<float> turns;                 ///< not a number where there is none
+  Plane<float> sigma_turns;           ///< of the camera's noise
+  Plane<float> modulation;            ///< B of the finest fringes [grey levels]
   std::optional<double> word_offset;  ///< of the Gray code's words against the fringes, as found [words]
   double word_agreement = 1.0;        ///< resultant length of the places where the code changes, 1: all at one phase
   double ripple_turns = 0.0;  ///< amplitude of the error that the light's waveform left in the phases and that was taken out
@@ -68,7 +69,7 @@ struct PhaseMap {
   int height = 0;
   std::optional<PhasePlane> x;
   std::optional<PhasePlane> y;
-  std::vector<float> light;                                 ///< mean level of the fringe images of the shortest exposure
+  Plane<float> light;                                       ///< mean level of the fringe images of the shortest exposure
   std::vector<PhaseStatus> status;                          ///< of each pixel, over all axes
   std::array<std::int64_t, kPhaseStatusCount> counts = {};  ///< by status
   GreyNoise noise;                                          ///< as found, or as given

@@ -39,7 +39,7 @@ using base::Result;
 using detail::FringeSet;
 
 constexpr std::int64_t kLeastChanges = 100;  // of the Gray code, to tell whether it belongs to the fringes
-constexpr std::size_t kLeastPixels = 100;    // with modulation, for there to be anything to decode
+constexpr std::int64_t kLeastPixels = 100;   // with modulation, for there to be anything to decode
 
 /// Images of one axis, set and exposure.
 using SetKey = std::tuple<ProjectorAxis, int, double>;
@@ -92,7 +92,7 @@ struct Decoder::Parts {
   std::map<int, int> last_of;         ///< by the first image of a pattern that is shown more than once: its last one
   std::map<int, Image> first_images;  ///< of these
   std::map<int, Image> last_images;   ///< by the first one's index
-  std::vector<float> light;           ///< mean level of the first set's shortest exposure
+  base::Plane<float> light;           ///< mean level of the first set's shortest exposure
 
   [[nodiscard]] std::size_t pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
   Result<> solve_if_complete(const Pattern& pattern);
@@ -164,7 +164,7 @@ FringeSet Decoder::Parts::fused(ProjectorAxis axis, int frequency, const base::G
     }
   }
   std::sort(exposures.begin(), exposures.end(), [](const auto& a, const auto& b) { return a.exposure < b.exposure; });
-  if (light.empty()) light = exposures.front().mean;
+  if (light.empty() && exposures.size() > 1) light = exposures.front().mean;  // of one exposure: see plane()
   FringeSet result = std::move(exposures.front());
   if (exposures.size() == 1) return result;
   for (const FringeSet& set : exposures) {
@@ -210,23 +210,24 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
 
   std::vector<FringeSet> all;
   for (std::size_t f = 0; f < code.fringes.size(); ++f) all.push_back(fused(axis, static_cast<int>(f), noise));
-  std::vector<std::vector<float>> sigmas;
+  std::vector<base::Plane<float>> sigmas;
   double squares = 0.0;
   std::int64_t tested = 0, disturbed = 0;
-  for (const FringeSet& set : all) {
+  std::int64_t lit = 0;
+  for (FringeSet& set : all) {
     auto quality = detail::judge_phases(set, noise, waveform, options, width, height, map.status);
     squares += quality.squares;
     tested += quality.tested;
     disturbed += quality.disturbed;
+    lit = quality.valid;
     sigmas.push_back(std::move(quality.sigma_turns));
   }
   if (tested > 0) {
     map.residual_ratio = std::max(map.residual_ratio, std::sqrt(squares / static_cast<double>(tested)));
     map.disturbed_fraction = std::max(map.disturbed_fraction, static_cast<double>(disturbed) / static_cast<double>(tested));
   }
-  std::vector<char> good(pixels());
-  for (std::size_t i = 0; i < good.size(); ++i) good[i] = map.status[i] == PhaseStatus::kValid;
-  const auto lit = static_cast<std::size_t>(std::count(good.begin(), good.end(), 1));
+  // The first set's mean is the scene's light; it is needed no more.
+  if (light.empty()) light = std::move(all.front().mean);
   if (lit < kLeastPixels) {
     return fail(
         ErrorCode::kBadInput,
@@ -236,16 +237,16 @@ Result<PhasePlane> Decoder::Parts::plane(ProjectorAxis axis, const base::GreyNoi
   }
   if (options.correct_ripple) {
     for (std::size_t f = 0; f < all.size(); ++f) {
-      const double amplitude = detail::correct_ripple(good, width, height, all[f], options.threads);
+      const double amplitude = detail::correct_ripple(map.status, width, height, all[f], options.threads);
       if (f == finest) plane.ripple_turns = amplitude;
     }
   }
 
   plane.sigma_turns = code.gray_bits == 0 && all.size() > 1 ? sigmas[finest] : std::move(sigmas[finest]);
   if (code.gray_bits > 0) {
-    const detail::GrayWords& code_words = words.at(axis);
+    detail::GrayWords& code_words = words.at(axis);
     const auto found =
-        detail::find_word_offset(code_words, all[finest], good, width, height, code.word_periods, options.threads);
+        detail::find_word_offset(code_words, all[finest], map.status, width, height, code.word_periods, options.threads);
     plane.word_offset = code.word_offset.value_or(found.offset);
     plane.word_agreement = found.agreement;
     const std::string why = found.changes < kLeastChanges ? "it hardly changes"
@@ -337,11 +338,16 @@ Result<> Decoder::add(int index, Image image) {
   parts.given[at] = 1;
   const Pattern& pattern = parts.sequence.patterns[at];
   // Of the images of one pattern the first and the last are compared.
-  if (const auto first = parts.sequence.first_of(index)) {
-    if (parts.last_of[*first] == index) parts.last_images.emplace(*first, image);
+  const auto first = parts.sequence.first_of(index);
+  const bool is_last = first && parts.last_of[*first] == index;
+  const bool compared = is_last || parts.last_of.contains(index);
+  std::map<int, Image>& others = is_last ? parts.last_images : parts.first_images;
+  const int other = is_last ? *first : index;
+  if (pattern.repeat || pattern.kind == PatternKind::kWhite || pattern.kind == PatternKind::kBlack) {
+    if (compared) others.emplace(other, std::move(image));
+    return {};
   }
-  if (parts.last_of.contains(index)) parts.first_images.emplace(index, image);
-  if (pattern.repeat || pattern.kind == PatternKind::kWhite || pattern.kind == PatternKind::kBlack) return {};
+  if (compared) others.emplace(other, image);
   parts.waiting.emplace(index, std::move(image));
   if (pattern.kind == PatternKind::kFringe) {
     if (auto ok = parts.solve_if_complete(pattern); !ok) return ok;

@@ -27,7 +27,7 @@ constexpr double kMostSigma_px = 0.15;
 constexpr std::size_t kLeastPixels = 300;  // of a patch
 
 /// A value between four pixels; not a number where one of them is none.
-double between(const std::vector<float>& plane, int width, int height, const Eigen::Vector2d& at) {
+double between(std::span<const float> plane, int width, int height, const Eigen::Vector2d& at) {
   const double x = std::floor(at.x());
   const double y = std::floor(at.y());
   if (!(x >= 0.0 && y >= 0.0 && x + 1.0 < width && y + 1.0 < height)) return std::nan("");

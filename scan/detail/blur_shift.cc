@@ -3,20 +3,22 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "scan/detail/guard.h"
 #include "scan/detail/rows.h"
 #include "scan/detail/smooth.h"
+#include "scan/detail/surface_kernel.h"
 
 namespace crosstie::scan::detail {
 namespace {
 
-constexpr int kReach = 3;                  // pixels on each side that the derivative of the brightness takes
+constexpr int kReach = kLeaningReach;
 constexpr int kRadius = 3;                 // of the neighbourhood whose mean is taken off
 constexpr int kGuard_px = 4;               // from the end of a surface, beyond which another one may shine in
 constexpr double kTold = 5.0;              // sigmas
-constexpr double kSeen = 2.0;              // sigmas of a phase: smaller leanings may be noise of the brightness
+constexpr float kSeen = 2.0F;              // sigmas of a phase: smaller leanings may be noise of the brightness
 constexpr double kOutlier = 8.0;           // sigmas of a phase: no smooth surface there
 constexpr float kLeastModulation = 0.05F;  // grey levels: below, its logarithm means nothing
 
@@ -26,13 +28,7 @@ float derivative(const float* at, std::ptrdiff_t stride) {
          (at[3 * stride] - at[-3 * stride]) / 60.0F;
 }
 
-/// Change of values per px from neighbours on both sides; not a number where one of them is none.
-float slope_of_all(const float* at, std::ptrdiff_t stride) {
-  return ((at[stride] - at[-stride]) + 2.0F * (at[2 * stride] - at[-2 * stride]) + 3.0F * (at[3 * stride] - at[-3 * stride])) /
-         28.0F;
-}
-
-/// The same from those neighbours of the same surface that there are: on both sides, else on one.
+/// Change of values per px from those neighbours of the same surface that there are: on both sides, else on one.
 bool slope_of_some(const float* at, std::ptrdiff_t stride, float& result) {
   float sum = 0.0F, weight = 0.0F;
   for (std::ptrdiff_t k = 1; k <= kReach; ++k) {
@@ -55,24 +51,25 @@ bool slope_of_some(const float* at, std::ptrdiff_t stride, float& result) {
 }
 
 /// grad(turns) . grad(ln B) of every valid pixel; not a number where it is not known.
-std::vector<float> leanings(const base::PhaseMap& map, const base::PhasePlane& plane, int threads) {
+base::Plane<float> leanings(const base::PhaseMap& map, const base::PhasePlane& plane, int threads) {
+  constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
   const auto down = static_cast<std::ptrdiff_t>(map.width);
-  std::vector<float> result(plane.turns.size(), std::numeric_limits<float>::quiet_NaN());
+  base::Plane<float> result(plane.turns.size());
   over_rows(map.height, threads, [&](int first, int last) {
-    for (int y = std::max(kReach, first); y < std::min(map.height - kReach, last); ++y) {
+    for (int y = first; y < last; ++y) {
       const float* turns = &plane.turns[map.at(0, y)];
       const float* b = &plane.modulation[map.at(0, y)];
       float* lean = &result[map.at(0, y)];
-      for (int x = kReach; x < map.width - kReach; ++x) {  // without a branch, for all at once
-        lean[x] =
-            (slope_of_all(turns + x, 1) * derivative(b + x, 1) + slope_of_all(turns + x, down) * derivative(b + x, down)) /
-            b[x];
+      if (y < kReach || y >= map.height - kReach) {
+        std::fill_n(lean, map.width, kNowhere);
+        continue;
       }
+      std::fill_n(lean, kReach, kNowhere);
+      std::fill_n(lean + map.width - kReach, kReach, kNowhere);
+      if (!lean_row(turns, b, static_cast<std::size_t>(map.width), kLeastModulation, lean)) continue;
       for (int x = kReach; x < map.width - kReach; ++x) {
-        if (!std::isnan(lean[x]) && !std::isnan(turns[x]) && b[x] >= kLeastModulation) continue;
-        lean[x] = std::numeric_limits<float>::quiet_NaN();
+        if (!std::isnan(lean[x]) || std::isnan(turns[x]) || b[x] < kLeastModulation) continue;
         float by_x = 0.0F, by_y = 0.0F;
-        if (std::isnan(turns[x]) || b[x] < kLeastModulation) continue;
         if (!slope_of_some(turns + x, 1, by_x) || !slope_of_some(turns + x, down, by_y)) continue;
         lean[x] = (by_x * derivative(b + x, 1) + by_y * derivative(b + x, down)) / b[x];
       }
@@ -92,15 +89,19 @@ struct Sums {
   }
 };
 
-Sums regress_rows(const base::PhaseMap& map, const base::PhasePlane& plane, const std::vector<float>& lean,
+Sums regress_rows(const base::PhaseMap& map, const base::PhasePlane& plane, const base::Plane<float>& lean,
                   const std::vector<char>& one_surface, int first, int last) {
   Sums sums;
   const int full = (2 * kRadius + 1) * (2 * kRadius + 1);
+  std::vector<std::uint32_t> places(static_cast<std::size_t>(map.width));
   for (int y = std::max(kRadius, first); y < std::min(map.height - kRadius, last); ++y) {
-    for (int x = kRadius; x < map.width - kRadius; ++x) {
+    const std::size_t start = map.at(kRadius, y);
+    const std::size_t found = leaning_places(&lean[start], &plane.sigma_turns[start], &one_surface[start], kSeen,
+                                             static_cast<std::size_t>(map.width - 2 * kRadius), places.data());
+    for (std::size_t place = 0; place < found; ++place) {
+      const int x = kRadius + static_cast<int>(places[place]);
       const std::size_t at = map.at(x, y);
       const double sigma = plane.sigma_turns[at];
-      if (!one_surface[at] || std::isnan(lean[at]) || std::abs(static_cast<double>(lean[at])) < kSeen * sigma) continue;
       double mean_lean = 0.0, mean_turns = 0.0;
       int count = 0;
       for (int dy = -kRadius; dy <= kRadius; ++dy) {
@@ -125,13 +126,13 @@ Sums regress_rows(const base::PhaseMap& map, const base::PhasePlane& plane, cons
 
 /// laplace(turns) where one surface reaches far enough for it, from means over squares: their noise is a few hundredths of a pixel's. 0
 /// elsewhere.
-std::vector<float> bendings(const base::PhasePlane& plane, const std::vector<char>& one_surface, int width, int height,
+base::Plane<float> bendings(const base::PhasePlane& plane, const std::vector<char>& one_surface, int width, int height,
                             int threads) {
   constexpr int kMeanRadius = 3;
   constexpr int kArm = 4;  // from a square's middle to the next one's
   std::vector<char> averaged;
   const std::vector<float> mean = box_mean(plane.turns, one_surface, width, height, kMeanRadius, threads, &averaged);
-  std::vector<float> result(plane.turns.size(), 0.0F);
+  base::Plane<float> result(plane.turns.size(), 0.0F);
   const auto w = static_cast<std::size_t>(width);
   over_rows(height, threads, [&](int first, int last) {
     for (int y = std::max(kArm, first); y < std::min(height - kArm, last); ++y) {
@@ -151,7 +152,7 @@ std::vector<float> bendings(const base::PhasePlane& plane, const std::vector<cha
 BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
   BlurShift shift;
   if (map.width <= 2 * kRadius || map.height <= 2 * kRadius) return shift;
-  std::array<std::vector<float>, 2> lean;
+  std::array<base::Plane<float>, 2> lean;
   Sums sums;
   const std::vector<char> one_surface = guarded_pixels(map, kGuard_px, true, threads);
   for (std::size_t i = 0; i < 2; ++i) {
@@ -172,7 +173,7 @@ BlurShift correct_blur_shift(base::PhaseMap& map, int threads) {
   for (std::size_t i = 0; i < 2; ++i) {
     auto& plane = i == 0 ? map.x : map.y;
     if (!plane) continue;
-    const std::vector<float> bend = bendings(*plane, one_surface, map.width, map.height, threads);
+    const base::Plane<float> bend = bendings(*plane, one_surface, map.width, map.height, threads);
     over_rows(map.height, threads, [&](int first, int last) {
       for (std::size_t at = map.at(0, first); at < map.at(0, last); ++at) {
         if (!std::isnan(lean[i][at])) plane->turns[at] -= static_cast<float>(variance) * (lean[i][at] + 0.5F * bend[at]);

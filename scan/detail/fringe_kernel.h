@@ -17,7 +17,8 @@ struct FringePlan {
   float mean_weight[kMaxSteps];  ///< A, a and b are these sums over the levels
   float a_weight[kMaxSteps];
   float b_weight[kMaxSteps];
-  float clip_low = 0.0F;  ///< levels at or below, at or above these count as cut off
+  float square_weight = 0.0F;  ///< of the squared residuals
+  float clip_low = 0.0F;       ///< levels at or below, at or above these count as cut off
   float clip_high = 0.0F;
 };
 
@@ -26,12 +27,12 @@ struct FringeRow {
   float* turns;           ///< phase in [0, 1): the x with level = A + B cos(2 pi (x - shift))
   float* modulation;      ///< B
   float* mean;            ///< A
-  float* squares;         ///< sum of the squared residuals
+  float* squares;         ///< weighted sum of the squared residuals
   std::uint8_t* clipped;  ///< whether any sample is cut off
 };
 
-/// `images` are the row's samples in each of the images.
-void solve_fringes(const FringePlan& plan, const std::uint8_t* const* images, std::size_t count, const FringeRow& row);
-void solve_fringes(const FringePlan& plan, const std::uint16_t* const* images, std::size_t count, const FringeRow& row);
+/// `images` are the row's samples in each of the images. Returns whether a sample of any pixel is cut off.
+bool solve_fringes(const FringePlan& plan, const std::uint8_t* const* images, std::size_t count, const FringeRow& row);
+bool solve_fringes(const FringePlan& plan, const std::uint16_t* const* images, std::size_t count, const FringeRow& row);
 
 }  // namespace crosstie::scan::detail

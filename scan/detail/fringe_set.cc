@@ -43,16 +43,18 @@ class Solver {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     for (const Eigen::Vector3d& d : directions_) normal += d * d.transpose();
     const Eigen::Matrix3d inverse = normal.inverse();
+    for (const Eigen::Vector3d& d : directions_) weights_.emplace_back(inverse * d);
     plan_.steps = static_cast<int>(shifts.size());
     for (int n = 0; n < plan_.steps; ++n) {
       const auto i = static_cast<std::size_t>(n);
-      const Eigen::Vector3d weights = inverse * directions_[i];
+      const Eigen::Vector3d& weights = weights_[i];
       plan_.cosine[i] = static_cast<float>(directions_[i].y());
       plan_.sine[i] = static_cast<float>(directions_[i].z());
       plan_.mean_weight[i] = static_cast<float>(weights.x());
       plan_.a_weight[i] = static_cast<float>(weights.y());
       plan_.b_weight[i] = static_cast<float>(weights.z());
     }
+    plan_.square_weight = plan_.steps > 3 ? 1.0F / static_cast<float>(plan_.steps - 3) : 0.0F;
     set_margins(0.0, 0.0);
     gain_ = 0.5 * (inverse(1, 1) + inverse(2, 2));  // of uneven shifts the mean over all phases
   }
@@ -89,8 +91,11 @@ class Solver {
     return result;
   }
 
-  [[nodiscard]] double residual(const std::vector<double>& levels, std::size_t n, const PixelFit& fit) const {
-    return levels[n] - fit.mean - fit.a * directions_[n].y() - fit.b * directions_[n].z();
+  /// Of a pixel none of whose samples is cut off.
+  void residuals_of_all(const std::vector<double>& levels, std::vector<double>& residuals) const {
+    Eigen::Vector3d fit = Eigen::Vector3d::Zero();
+    for (std::size_t n = 0; n < levels.size(); ++n) fit += levels[n] * weights_[n];
+    for (std::size_t n = 0; n < levels.size(); ++n) residuals[n] = levels[n] - fit.dot(directions_[n]);
   }
 
  private:
@@ -113,7 +118,7 @@ class Solver {
     result.a = x(1);
     result.b = x(2);
     for (std::size_t n = 0; n < levels.size(); ++n) {
-      if (use[n]) result.squares += std::pow(residual(levels, n, result), 2);
+      if (use[n]) result.squares += std::pow(levels[n] - x.dot(directions_[n]), 2);
     }
     const double modulation = std::hypot(x(1), x(2));
     if (result.mean - modulation < -low_) return {};  // less than no light
@@ -123,6 +128,7 @@ class Solver {
   }
 
   std::vector<Eigen::Vector3d> directions_;
+  std::vector<Eigen::Vector3d> weights_;  // A, a and b are their sums over the levels
   double low_;
   double high_;
   double white_;
@@ -152,27 +158,31 @@ void sample_residuals(const std::vector<Image>& images, const std::vector<double
                       ResidualStatistics& statistics, ImageDrift& drift) {
   const auto width = static_cast<std::size_t>(images.front().width());
   const int height = images.front().height();
-  const int every = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(width) * height / kSamplePixels)));
-  std::vector<float> turns(width), modulation(width), mean(width), squares(width);
-  std::vector<std::uint8_t> clipped(width);
+  const auto every = static_cast<std::size_t>(std::max(1.0, std::sqrt(static_cast<double>(width) * height / kSamplePixels)));
+  const std::size_t count = (width + every - 1) / every;
+  const float brightest = static_cast<float>(images.front().white_level()) - kClear;
+  std::vector<float> turns(count), modulation(count), mean(count), squares(count);
+  std::vector<std::uint8_t> clipped(count);
+  std::vector<std::vector<Sample>> samples(images.size(), std::vector<Sample>(count));
+  std::array<const Sample*, kMaxSteps> sampled = {};
+  for (std::size_t n = 0; n < images.size(); ++n) sampled[n] = samples[n].data();
   std::vector<double> levels(images.size()), residuals(images.size());
   std::uint32_t sample = 0;
-  for (int y = 0; y < height; y += every) {
-    const auto rows = rows_of<Sample>(images, y);
-    solve_fringes(solver.plan(), rows.data(), width,
+  for (std::size_t y = 0; y < static_cast<std::size_t>(height); y += every) {
+    const auto rows = rows_of<Sample>(images, static_cast<int>(y));
+    for (std::size_t n = 0; n < images.size(); ++n) {
+      for (std::size_t i = 0; i < count; ++i) samples[n][i] = rows[n][i * every];
+    }
+    solve_fringes(solver.plan(), sampled.data(), count,
                   {turns.data(), modulation.data(), mean.data(), squares.data(), clipped.data()});
-    for (std::size_t x = 0; x < width; x += static_cast<std::size_t>(every)) {
-      if (clipped[x] || modulation[x] < kLeastModulation || mean[x] - modulation[x] < clear ||
-          mean[x] + modulation[x] > static_cast<float>(images.front().white_level()) - kClear) {
+    for (std::size_t i = 0; i < count; ++i) {
+      if (clipped[i] || modulation[i] < kLeastModulation || mean[i] - modulation[i] < clear ||
+          mean[i] + modulation[i] > brightest)
         continue;
-      }
-      const double angle = 2.0 * std::numbers::pi * static_cast<double>(turns[x]);
-      const auto length = static_cast<double>(modulation[x]);
-      const PixelFit fit{mean[x], length * std::cos(angle), length * std::sin(angle)};
-      for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = rows[n][x];
-      for (std::size_t n = 0; n < levels.size(); ++n) residuals[n] = solver.residual(levels, n, fit);
-      statistics.add(turns[x], length, mean[x], shifts, residuals);
-      if (one_of_16(sample++)) drift.add(turns[x], length, mean[x], residuals);
+      for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = samples[n][i];
+      solver.residuals_of_all(levels, residuals);
+      statistics.add(turns[i], modulation[i], mean[i], shifts, residuals);
+      if (one_of_16(sample++)) drift.add(turns[i], modulation[i], mean[i], residuals);
     }
   }
 }
@@ -187,15 +197,14 @@ template <typename Sample>
 void solve_rows(const std::vector<Image>& images, const Solver& solver, int first, int last, FringeSet& set,
                 std::vector<ClippedPixel>& clipped_pixels) {
   const auto width = static_cast<std::size_t>(images.front().width());
-  const float dof = static_cast<float>(images.size()) - 3.0F;
   std::vector<std::uint8_t> clipped(width);
   std::vector<double> levels(images.size());
   for (int y = first; y < last; ++y) {
     const std::size_t at = static_cast<std::size_t>(y) * width;
     const auto rows = rows_of<Sample>(images, y);
-    solve_fringes(solver.plan(), rows.data(), width,
-                  {&set.turns[at], &set.modulation[at], &set.mean[at], &set.squares[at], clipped.data()});
-    for (std::size_t x = 0; x < width; ++x) set.squares[at + x] = dof > 0.0F ? set.squares[at + x] / dof : 0.0F;
+    const bool any = solve_fringes(solver.plan(), rows.data(), width,
+                                   {&set.turns[at], &set.modulation[at], &set.mean[at], &set.squares[at], clipped.data()});
+    if (!any) continue;
     for (std::size_t x = 0; x < width; ++x) {
       if (!clipped[x]) continue;
       for (std::size_t n = 0; n < levels.size(); ++n) levels[n] = rows[n][x];
@@ -231,7 +240,7 @@ Result<FringeSet> solve_set(const std::vector<Image>& images, const std::vector<
       sample_residuals<std::uint16_t>(images, shifts, solver, clear, statistics, drift);
     }
   }
-  const base::GreyNoise noise = options.noise.value_or(statistics.noise());
+  const base::GreyNoise noise = options.noise ? *options.noise : statistics.noise();
   solver.set_margins(std::max(1.0, kMarginSigmas * std::sqrt(noise.variance(0.0))),
                      kMarginSigmas * std::sqrt(noise.variance(white)));
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/image.h"
+#include "base/plane.h"
 #include "base/progress.h"
 #include "base/result.h"
 #include "scan/detail/image_drift.h"
@@ -18,11 +19,11 @@ struct FringeSet {
   double exposure = 1.0;
   double white_level = 255.0;     ///< grey level of a saturated pixel
   double gain = 0.0;              ///< var(phase [rad]) = gain var(level) / B^2 where no sample was cut off
-  std::vector<float> turns;       ///< phase in [0, 1)
-  std::vector<float> modulation;  ///< B; 0 where too few samples were left
-  std::vector<float> mean;        ///< A; the levels' plain mean where too few samples were left
-  std::vector<float> squares;     ///< of the residuals, over their degrees of freedom; 0 where there are none
-  std::vector<float> gains;       ///< as `gain`, of each pixel; empty where no sample of any pixel was cut off
+  base::Plane<float> turns;       ///< phase in [0, 1)
+  base::Plane<float> modulation;  ///< B; 0 where too few samples were left
+  base::Plane<float> mean;        ///< A; the levels' plain mean where too few samples were left
+  base::Plane<float> squares;     ///< of the residuals, over their degrees of freedom; 0 where there are none
+  base::Plane<float> gains;       ///< as `gain`, of each pixel; empty where no sample of any pixel was cut off
   ImageDrift::Estimate drift;     ///< of each image, from a sample of the pixels
 
   [[nodiscard]] float gain_at(std::size_t pixel) const { return gains.empty() ? static_cast<float>(gain) : gains[pixel]; }

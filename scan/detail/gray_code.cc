@@ -7,6 +7,7 @@
 #include <complex>
 #include <numbers>
 
+#include "scan/detail/phase_kernel.h"
 #include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
@@ -18,38 +19,15 @@ constexpr double kSmooth = 0.15;  // turns between neighbouring pixels of a surf
 template <typename Sample>
 void read_rows(const std::vector<GrayImages>& images, const FringeSet& fringes, int first, int last, GrayWords& result) {
   const auto width = static_cast<std::size_t>(images.front().bright_where_set.width());
+  std::vector<const Sample*> bright(images.size()), inverse(images.size(), nullptr);
   for (int y = first; y < last; ++y) {
     const std::size_t at = static_cast<std::size_t>(y) * width;
-    std::uint16_t* words = &result.words[at];
-    std::uint8_t* doubtful = &result.doubtful[at];
-    const float* mean = &fringes.mean[at];
-    const float* modulation = &fringes.modulation[at];
-    for (const GrayImages& bit : images) {
-      const auto* level = bit.bright_where_set.view().template row<Sample>(y);
-      if (bit.inverse) {
-        const auto* other = bit.inverse->view().template row<Sample>(y);
-        for (std::size_t x = 0; x < width; ++x) {
-          const int difference = static_cast<int>(level[x]) - static_cast<int>(other[x]);
-          words[x] = static_cast<std::uint16_t>(words[x] << 1U | (difference > 0 ? 1U : 0U));
-          doubtful[x] = static_cast<std::uint8_t>(
-              doubtful[x] + (std::abs(static_cast<float>(difference)) < 2.0F * kDoubtful * modulation[x] ? 1 : 0));
-        }
-      } else {
-        for (std::size_t x = 0; x < width; ++x) {
-          const float difference = static_cast<float>(level[x]) - mean[x];
-          words[x] = static_cast<std::uint16_t>(words[x] << 1U | (difference > 0.0F ? 1U : 0U));
-          doubtful[x] = static_cast<std::uint8_t>(doubtful[x] + (std::abs(difference) < kDoubtful * modulation[x] ? 1 : 0));
-        }
-      }
+    for (std::size_t bit = 0; bit < images.size(); ++bit) {
+      bright[bit] = images[bit].bright_where_set.view().template row<Sample>(y);
+      if (images[bit].inverse) inverse[bit] = images[bit].inverse->view().template row<Sample>(y);
     }
-    for (std::size_t x = 0; x < width; ++x) {  // Gray to binary: each bit is the parity of those from it upwards
-      unsigned word = words[x];
-      word ^= word >> 8U;
-      word ^= word >> 4U;
-      word ^= word >> 2U;
-      word ^= word >> 1U;
-      words[x] = static_cast<std::uint16_t>(word);
-    }
+    read_gray_row(bright.data(), inverse.data(), images.size(), kDoubtful, &fringes.mean[at], &fringes.modulation[at], width,
+                  &result.words[at], &result.doubtful[at]);
   }
 }
 
@@ -100,8 +78,8 @@ base::Result<GrayWords> read_gray_code(const std::vector<GrayImages>& images, co
                                        const base::Progress& progress) {
   const int height = images.front().bright_where_set.height();
   GrayWords result;
-  result.words.assign(fringes.mean.size(), 0);
-  result.doubtful.assign(fringes.mean.size(), 0);
+  result.words.resize(fringes.mean.size());
+  result.doubtful.resize(fringes.mean.size());
   auto done = over_rows(height, threads, "Gray code", progress, [&](int first, int last) {
     if (images.front().bright_where_set.bits() == 8) {
       read_rows<std::uint8_t>(images, fringes, first, last, result);
@@ -113,21 +91,25 @@ base::Result<GrayWords> read_gray_code(const std::vector<GrayImages>& images, co
   return result;
 }
 
-WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<char>& good, int width,
-                            int height, double word_periods, int threads) {
+WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<base::PhaseStatus>& status,
+                            int width, int height, double word_periods, int threads) {
   const auto w = static_cast<std::size_t>(width);
   std::vector<WordChanges> bands(band_count(height));
   over_rows(height, threads, [&](int first, int last) {
     WordChanges& changes = bands[band_of(first)];
+    std::vector<std::uint32_t> places(w);
+    const auto look = [&](std::size_t at, std::size_t other, std::size_t count) {
+      const std::size_t found = differing(&words.words[at], &words.words[other], count, places.data());
+      for (std::size_t i = 0; i < found; ++i) {
+        const std::size_t a = at + places[i], b = other + places[i];
+        if (status[a] == base::PhaseStatus::kValid && status[b] == base::PhaseStatus::kValid)
+          changes.add(words, fringes, a, b, word_periods);
+      }
+    };
     for (int y = first; y < last; ++y) {
       const std::size_t at = static_cast<std::size_t>(y) * w;
-      const auto look = [&](std::size_t a, std::size_t b) {
-        if (words.words[a] != words.words[b] && good[a] && good[b]) changes.add(words, fringes, a, b, word_periods);
-      };
-      for (std::size_t x = 0; x < w; ++x) {
-        if (x + 1 < w) look(at + x, at + x + 1);
-        if (y + 1 < height) look(at + x, at + x + w);
-      }
+      look(at, at + 1, w - 1);
+      if (y + 1 < height) look(at, at + w, w);
     }
   });
   WordChanges all;

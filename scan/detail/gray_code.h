@@ -6,6 +6,7 @@
 
 #include "base/image.h"
 #include "base/pattern_sequence.h"
+#include "base/phase_map.h"
 #include "base/progress.h"
 #include "base/result.h"
 #include "scan/detail/fringe_set.h"
@@ -20,8 +21,8 @@ struct GrayImages {
 
 /// The word that each pixel sees.
 struct GrayWords {
-  std::vector<std::uint16_t> words;  ///< binary, not Gray any more
-  std::vector<std::uint8_t>
+  base::Plane<std::uint16_t> words;  ///< binary, not Gray any more
+  base::Plane<std::uint8_t>
       doubtful;  ///< bits that could be either: at most one where the code changes, more where nothing is seen
 };
 
@@ -42,7 +43,7 @@ struct WordOffset {
 };
 
 /// From the pixels between which the word grows or falls by one along the rows and columns of the image.
-WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<char>& good, int width,
-                            int height, double word_periods, int threads);
+WordOffset find_word_offset(const GrayWords& words, const FringeSet& fringes, const std::vector<base::PhaseStatus>& status,
+                            int width, int height, double word_periods, int threads);
 
 }  // namespace crosstie::scan::detail

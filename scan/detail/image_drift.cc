@@ -19,31 +19,30 @@ constexpr double kPriorOffset = 0.3;  // of the modulation
 
 ImageDrift::ImageDrift(const std::vector<double>& shifts)
     : steps_(static_cast<Eigen::Index>(shifts.size())),
-      shifts_(shifts),
-      normal_(Eigen::MatrixXd::Zero(3 * steps_, 3 * steps_)),
-      right_(Eigen::VectorXd::Zero(3 * steps_)) {
-  Eigen::MatrixX3d design(steps_, 3);
+      design_(steps_, 3),
+      products_(Eigen::MatrixXd::Zero(3 * steps_, 3 * steps_)),
+      right_(Eigen::VectorXd::Zero(3 * steps_)),
+      change_(3 * steps_) {
   for (Eigen::Index n = 0; n < steps_; ++n) {
     const double angle = 2.0 * std::numbers::pi * shifts[static_cast<std::size_t>(n)];
-    design.row(n) << 1.0, std::cos(angle), std::sin(angle);
+    design_.row(n) << 1.0, std::cos(angle), std::sin(angle);
   }
-  rest_ = Eigen::MatrixXd::Identity(steps_, steps_) - design * (design.transpose() * design).inverse() * design.transpose();
 }
 
 void ImageDrift::add(double turns, double modulation, double mean, const std::vector<double>& residuals) {
   // Of each image: the level's change with e, g and o.
-  Eigen::Matrix3Xd change(3, steps_);
-  for (Eigen::Index n = 0; n < steps_; ++n) {
-    const double angle = 2.0 * std::numbers::pi * (turns - shifts_[static_cast<std::size_t>(n)]);
-    change.col(n) << -2.0 * std::numbers::pi * modulation * std::sin(angle), mean + modulation * std::cos(angle), 1.0;
-  }
+  const double c = modulation * std::cos(2.0 * std::numbers::pi * turns);
+  const double s = modulation * std::sin(2.0 * std::numbers::pi * turns);
   const Eigen::Map<const Eigen::VectorXd> r(residuals.data(), steps_);
-  for (Eigen::Index a = 0; a < 3; ++a) {
-    right_.segment(a * steps_, steps_) += change.row(a).transpose().cwiseProduct(r);
-    for (Eigen::Index b = 0; b < 3; ++b) {
-      normal_.block(a * steps_, b * steps_, steps_, steps_) += (change.row(a).transpose() * change.row(b)).cwiseProduct(rest_);
-    }
+  for (Eigen::Index n = 0; n < steps_; ++n) {
+    const double cosine = c * design_(n, 1) + s * design_(n, 2);  // B cos 2 pi (turns - shift)
+    const double sine = s * design_(n, 1) - c * design_(n, 2);
+    change_(n) = -2.0 * std::numbers::pi * sine;
+    change_(steps_ + n) = mean + cosine;
+    change_(2 * steps_ + n) = 1.0;
+    for (Eigen::Index part = 0; part < 3; ++part) right_(part * steps_ + n) += change_(part * steps_ + n) * r(n);
   }
+  products_.selfadjointView<Eigen::Lower>().rankUpdate(change_);
   squares_ += r.squaredNorm();
   modulation_ += modulation;
   ++pixels_;
@@ -57,7 +56,11 @@ ImageDrift::Estimate ImageDrift::estimate() const {
   prior.head(steps_).setConstant(1.0 / (kPriorTurns * kPriorTurns));
   prior.segment(steps_, steps_).setConstant(1.0 / (kPriorGain * kPriorGain));
   prior.tail(steps_).setConstant(1.0 / std::pow(kPriorOffset * modulation_ / pixels_, 2));
-  Eigen::MatrixXd normal = normal_;
+  // Residuals are what least squares leaves of the levels.
+  const Eigen::MatrixXd rest =
+      Eigen::MatrixXd::Identity(steps_, steps_) - design_ * (design_.transpose() * design_).inverse() * design_.transpose();
+  Eigen::MatrixXd normal = products_.selfadjointView<Eigen::Lower>();
+  normal.array() *= rest.replicate(3, 3).array();
   normal.diagonal() += variance * prior;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal);
   const Eigen::MatrixXd cofactor = ldlt.solve(Eigen::MatrixXd::Identity(3 * steps_, 3 * steps_));

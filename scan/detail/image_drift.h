@@ -31,10 +31,10 @@ class ImageDrift {
 
  private:
   Eigen::Index steps_;
-  std::vector<double> shifts_;
-  Eigen::MatrixXd rest_;  ///< what least squares leaves of the levels: residuals = rest_ * levels
-  Eigen::MatrixXd normal_;
+  Eigen::MatrixX3d design_;   ///< of the solution: 1, cosine and sine of each shift
+  Eigen::MatrixXd products_;  ///< of the levels' changes, summed; the lower triangle
   Eigen::VectorXd right_;
+  Eigen::VectorXd change_;  ///< of one pixel
   double squares_ = 0.0;
   double modulation_ = 0.0;
   int pixels_ = 0;

@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "base/parallel.h"
+#include "scan/detail/surface_kernel.h"
 
 namespace crosstie::scan::detail {
 namespace {
@@ -36,34 +37,24 @@ void ImageShift::add_part(const base::ImageView& earlier, const base::ImageView&
   // Large images: every other row and more, since parts hold more pixels than are needed.
   constexpr int kEnough = 10000;
   const int every = std::max(1, (right - left) * (bottom - top) / kEnough);
-  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
-  Eigen::Vector4d pull = Eigen::Vector4d::Zero();
-  double squares = 0.0, light = 0.0, count = 0.0;
+  ShiftSums part;
   for (int y = top; y < bottom; y += every) {
-    const auto* above = earlier.row<Sample>(y - 1);
-    const auto* here = earlier.row<Sample>(y);
-    const auto* below = earlier.row<Sample>(y + 1);
-    const auto* above2 = later.row<Sample>(y - 1);
-    const auto* here2 = later.row<Sample>(y);
-    const auto* below2 = later.row<Sample>(y + 1);
-    for (int x = left; x < right; ++x) {
-      if (here[x] >= limit || here2[x] >= limit) continue;
-      // The gradient of both images' mean.
-      const double gx =
-          0.25 * ((static_cast<double>(here[x + 1]) - here[x - 1]) + (static_cast<double>(here2[x + 1]) - here2[x - 1]));
-      const double gy = 0.25 * ((static_cast<double>(below[x]) - above[x]) + (static_cast<double>(below2[x]) - above2[x]));
-      const double difference = static_cast<double>(here2[x]) - here[x];
-      const Eigen::Vector4d a(-gx, -gy, here[x], 1.0);
-      normal += a * a.transpose();
-      pull += difference * a;
-      squares += difference * difference;
-      light += here[x];
-      count += 1.0;
-    }
+    const auto rows = [&](const base::ImageView& image) {
+      return ThreeRows<Sample>{image.row<Sample>(y - 1), image.row<Sample>(y), image.row<Sample>(y + 1)};
+    };
+    add_shift_sums(rows(earlier), rows(later), static_cast<std::size_t>(left), static_cast<std::size_t>(right), limit, part);
   }
+  // By -gradient / 4 of both images' mean, level, 1.
+  Eigen::Matrix4d normal;
+  normal << part.xx / 16.0, part.xy / 16.0, -part.xh / 4.0, -part.x / 4.0,  //
+      part.xy / 16.0, part.yy / 16.0, -part.yh / 4.0, -part.y / 4.0,        //
+      -part.xh / 4.0, -part.yh / 4.0, part.hh, part.h,                      //
+      -part.x / 4.0, -part.y / 4.0, part.h, part.count;
+  const Eigen::Vector4d pull(-part.dx / 4.0, -part.dy / 4.0, part.dh, part.d);
+  const double squares = part.dd, count = part.count;
   Sums& sums = sums_[static_cast<std::size_t>(row) * kColumns + static_cast<std::size_t>(column)];
   if (count < kLeastPixels) return;
-  light /= count;
+  const double light = part.h / count;
   if (light < kLeastLight * earlier.white_level) return;
   sums.lit = true;
   // Gain and offset are eliminated; a ten-millionth of a level keeps a flat part from having no solution.

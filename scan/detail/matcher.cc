@@ -139,7 +139,7 @@ double slope_along_curves(const MatchTarget& target) {
       const auto at = static_cast<std::size_t>(y) * w + static_cast<std::size_t>(x);
       if (!target.good[at] || !target.good[at + 1] || !target.good[at + w] || !target.good[at + w + 1]) continue;
       // In the middle of the cell of four pixels.
-      const auto by_pixel = [&](const std::vector<float>& plane) -> Eigen::Vector2d {
+      const auto by_pixel = [&](std::span<const float> plane) -> Eigen::Vector2d {
         const double rising = static_cast<double>(plane[at + w + 1]) - plane[at];
         const double falling = static_cast<double>(plane[at + 1]) - plane[at + w];
         return {0.5 * (rising + falling), 0.5 * (rising - falling)};

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "math/distributions.h"
 #include "math/median.h"
@@ -61,12 +60,15 @@ void ResidualStatistics::add(double turns, double modulation, double mean, const
                              const std::vector<double>& residuals) {
   const int dof = static_cast<int>(residuals.size()) - 3;
   if (dof < 1) return;
+  noise_.reset();
   double square = 0.0;
   for (std::size_t n = 0; n < residuals.size(); ++n) {
-    const double at = turns - shifts[n];
-    const auto bin = std::min(static_cast<std::size_t>((at - std::floor(at)) * kBins), static_cast<std::size_t>(kBins - 1));
-    products_[bin] += residuals[n] * modulation;
-    scatters_[bin] += std::pow(residuals[n] * modulation, 2);
+    double at = turns - shifts[n];
+    if (at < 0.0 || at >= 1.0) at -= std::floor(at);
+    const auto bin = std::min(static_cast<std::size_t>(at * kBins), static_cast<std::size_t>(kBins - 1));
+    const double product = residuals[n] * modulation;
+    products_[bin] += product;
+    scatters_[bin] += product * product;
     weights_[bin] += modulation * modulation;
     square += residuals[n] * residuals[n];
   }
@@ -83,21 +85,32 @@ double ResidualStatistics::waveform_square() const {
 }
 
 ResidualStatistics::Level ResidualStatistics::level_of(std::span<const Pixel> pixels, double waveform) {
-  std::map<int, std::vector<double>> squares;  // by degrees of freedom
   Level level;
   const auto count = static_cast<double>(pixels.size());
+  std::vector<int> all_dof;  // that there are, a few
   for (const Pixel& pixel : pixels) {
-    const double waveform_part = waveform * (pixel.dof + 3) / pixel.dof * pixel.modulation * pixel.modulation;
-    squares[pixel.dof].push_back(std::max(0.0, pixel.square - waveform_part));
-    level.mean += pixel.mean / count;
+    level.mean += pixel.mean;
+    if (std::find(all_dof.begin(), all_dof.end(), pixel.dof) == all_dof.end()) all_dof.push_back(pixel.dof);
   }
-  for (auto& [dof, of_dof] : squares) {
-    level.variance += trimmed_variance(of_dof, dof) * static_cast<double>(of_dof.size()) / count;
+  level.mean /= count;
+  std::vector<double> squares;
+  for (const int dof : all_dof) {
+    squares.clear();
+    const double part = waveform * (dof + 3) / dof;
+    for (const Pixel& pixel : pixels) {
+      if (pixel.dof == dof) squares.push_back(std::max(0.0, pixel.square - part * pixel.modulation * pixel.modulation));
+    }
+    level.variance += trimmed_variance(squares, dof) * static_cast<double>(squares.size()) / count;
   }
   return level;
 }
 
-base::GreyNoise ResidualStatistics::noise() const {
+base::GreyNoise ResidualStatistics::noise() {
+  if (!noise_) noise_ = estimate();
+  return *noise_;
+}
+
+base::GreyNoise ResidualStatistics::estimate() const {
   if (pixels_.empty()) return {};
   const double waveform = waveform_square();
   const auto [darkest, brightest] =

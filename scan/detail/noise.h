@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,7 +22,7 @@ class ResidualStatistics {
   [[nodiscard]] std::size_t size() const { return pixels_.size(); }
   /// Read and shot noise from trimmed means of the squared residuals, by the pixels' mean level, less the waveform's part. All 0 where
   /// there is no sample.
-  [[nodiscard]] base::GreyNoise noise() const;
+  [[nodiscard]] base::GreyNoise noise();
   /// Mean square of h over a period: what squares over degrees of freedom exceed the noise by, per B^2.
   [[nodiscard]] double waveform_square() const;
 
@@ -38,9 +39,11 @@ class ResidualStatistics {
     double mean = 0.0;
     double variance = 0.0;
   };
+  [[nodiscard]] base::GreyNoise estimate() const;
   static Level level_of(std::span<const Pixel> pixels, double waveform);
 
   std::vector<Pixel> pixels_;
+  std::optional<base::GreyNoise> noise_;                            // of these pixels, where it was asked for
   std::vector<double> products_ = std::vector<double>(kBins, 0.0);  // sum of residual * B
   std::vector<double> scatters_ = std::vector<double>(kBins, 0.0);  // sum of its squares
   std::vector<double> weights_ = std::vector<double>(kBins, 0.0);   // sum of B^2

@@ -8,10 +8,13 @@
 #include <numbers>
 #include <numeric>
 
+#include "scan/detail/phase_kernel.h"
 #include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
 namespace {
+
+using base::PhaseStatus;
 
 constexpr std::size_t kBins = 4096;   // of a period, in which the error is tabulated
 constexpr std::size_t kLines = 200;   // of the image in either direction, at least, that are looked at
@@ -37,28 +40,58 @@ struct Line {
   }
 };
 
-Line line_of(const FringeSet& set, const std::vector<char>& good, std::size_t first, std::size_t stride, std::size_t count) {
-  constexpr float kAnew = 0.5F;   // a step back by more: the phase begins anew
-  constexpr float kJump = 0.25F;  // a step by more: another surface
-  Line line, pending;
-  bool inside = false;  // of a whole fringe, as far as is known
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t at = first + i * stride;
-    const bool continued = good[at] && i > 0 && good[at - stride];
-    const float step = continued ? std::abs(set.turns[at] - set.turns[at - stride]) : 0.0F;
-    if (!continued || (step > kJump && step <= kAnew)) {
-      inside = false;
-    } else if (step > kAnew) {
-      if (inside) line += pending;
-      inside = true;
-      pending = {};
-    }
-    if (!inside) continue;
-    const auto once = std::polar(1.0, -2.0 * std::numbers::pi * set.steps * static_cast<double>(set.turns[at]));
-    pending += Line{{once, once * once}, 1.0};
+/// Pixels along some lines of the image, one line after the other.
+class Pixels {
+ public:
+  Pixels(std::size_t lines, std::size_t count)
+      : count_(count), turns_(lines * count), status_(lines * count), cosine_(count), sine_(count) {}
+
+  void set(std::size_t line, std::size_t i, float turns, PhaseStatus status) {
+    turns_[line * count_ + i] = turns;
+    status_[line * count_ + i] = status;
   }
-  return line;
-}
+
+  /// The whole fringes of a line.
+  Line sum(std::size_t line, int steps) {
+    constexpr float kAnew = 0.5F;   // a step back by more: the phase begins anew
+    constexpr float kJump = 0.25F;  // a step by more: another surface
+    const float* turns = &turns_[line * count_];
+    const PhaseStatus* status = &status_[line * count_];
+    point_on_circle(turns, count_, steps, cosine_.data(), sine_.data());
+    Line result;
+    bool inside = false;  // of a whole fringe, as far as is known, which began at `first`
+    std::size_t first = 0;
+    for (std::size_t i = 1; i < count_; ++i) {
+      const bool good = status[i] == PhaseStatus::kValid && status[i - 1] == PhaseStatus::kValid;
+      const float step = std::abs(turns[i] - turns[i - 1]);
+      if (good && step <= kJump) continue;
+      const bool anew = good && step > kAnew;
+      if (anew && inside) add(first, i, result);
+      inside = anew;
+      first = i;
+    }
+    return result;
+  }
+
+ private:
+  void add(std::size_t first, std::size_t last, Line& line) const {
+    double c = 0.0, s = 0.0, c2 = 0.0, s2 = 0.0;
+    for (std::size_t i = first; i < last; ++i) {
+      const auto x = static_cast<double>(cosine_[i]);
+      const auto y = static_cast<double>(sine_[i]);
+      c += x;
+      s += y;
+      c2 += x * x - y * y;  // of the double angle
+      s2 += 2.0 * x * y;
+    }
+    line += Line{{std::complex<double>(c, -s), std::complex<double>(c2, -s2)}, static_cast<double>(last - first)};
+  }
+
+  std::size_t count_;
+  std::vector<float> turns_;
+  std::vector<PhaseStatus> status_;
+  std::vector<float> cosine_, sine_;  // of a line
+};
 
 /// Coefficients of the density at both harmonics.
 std::array<Coefficient, 2> coefficients_of(const std::vector<Line>& lines) {
@@ -75,19 +108,28 @@ std::array<Coefficient, 2> coefficients_of(const std::vector<Line>& lines) {
 }
 
 /// Of the direction in which more whole fringes are seen.
-std::array<Coefficient, 2> coefficients_of(const std::vector<char>& good, int width, int height, const FringeSet& set,
+std::array<Coefficient, 2> coefficients_of(const std::vector<PhaseStatus>& status, int width, int height, const FringeSet& set,
                                            int threads) {
   const auto w = static_cast<std::size_t>(width);
   const auto h = static_cast<std::size_t>(height);
   const std::size_t every = std::max<std::size_t>(1, std::min(w, h) / kLines);
   std::vector<Line> across((h + every - 1) / every), down((w + every - 1) / every);
   over_rows(static_cast<int>(across.size()), threads, [&](int first, int last) {
-    for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(last); ++i)
-      across[i] = line_of(set, good, i * every * w, 1, w);
+    Pixels row(1, w);
+    for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(last); ++i) {
+      const std::size_t at = i * every * w;
+      for (std::size_t x = 0; x < w; ++x) row.set(0, x, set.turns[at + x], status[at + x]);
+      across[i] = row.sum(0, set.steps);
+    }
   });
   over_rows(static_cast<int>(down.size()), threads, [&](int first, int last) {
-    for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(last); ++i)
-      down[i] = line_of(set, good, i * every, w, h);
+    const auto lines = static_cast<std::size_t>(last - first);
+    Pixels columns(lines, h);
+    for (std::size_t y = 0; y < h; ++y) {  // row by row, as memory is
+      const std::size_t at = y * w + static_cast<std::size_t>(first) * every;
+      for (std::size_t i = 0; i < lines; ++i) columns.set(i, y, set.turns[at + i * every], status[at + i * every]);
+    }
+    for (std::size_t i = 0; i < lines; ++i) down[static_cast<std::size_t>(first) + i] = columns.sum(i, set.steps);
   });
   const auto pixels = [](const std::vector<Line>& lines) {
     return std::accumulate(lines.begin(), lines.end(), 0.0, [](double sum, const Line& line) { return sum + line.pixels; });
@@ -97,10 +139,10 @@ std::array<Coefficient, 2> coefficients_of(const std::vector<char>& good, int wi
 
 }  // namespace
 
-double correct_ripple(const std::vector<char>& good, int width, int height, FringeSet& set, int threads) {
+double correct_ripple(const std::vector<PhaseStatus>& status, int width, int height, FringeSet& set, int threads) {
   std::array<double, kBins + 1> error = {};
   double amplitude2 = 0.0;
-  const auto coefficients = coefficients_of(good, width, height, set, threads);
+  const auto coefficients = coefficients_of(status, width, height, set, threads);
   for (std::size_t k = 0; k < coefficients.size(); ++k) {
     const auto& [coefficient, sigma] = coefficients[k];
     const int harmonic = (static_cast<int>(k) + 1) * set.steps;
@@ -114,17 +156,12 @@ double correct_ripple(const std::vector<char>& good, int width, int height, Frin
     }
   }
   if (amplitude2 == 0.0) return 0.0;
-  const auto correct = [&](float& turns) {
-    const double at = static_cast<double>(turns) * kBins;
-    const auto b = std::min(static_cast<std::size_t>(at), kBins - 1);
-    const double rest = at - static_cast<double>(b);
-    double corrected = static_cast<double>(turns) + (1.0 - rest) * error[b] + rest * error[b + 1];
-    corrected -= std::floor(corrected);
-    turns = std::min(static_cast<float>(corrected), 0.99999994F);
-  };
+  std::array<float, kBins + 1> correction = {};
+  std::transform(error.begin(), error.end(), correction.begin(), [](double value) { return static_cast<float>(value); });
   over_rows(height, threads, [&](int first, int last) {
-    const auto row = [&](int y) { return set.turns.begin() + static_cast<std::ptrdiff_t>(y) * width; };
-    std::for_each(row(first), row(last), correct);
+    const auto w = static_cast<std::size_t>(width);
+    correct_turns(correction.data(), kBins, &set.turns[static_cast<std::size_t>(first) * w],
+                  static_cast<std::size_t>(last - first) * w);
   });
   return std::sqrt(amplitude2);
 }

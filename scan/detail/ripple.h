@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "base/phase_map.h"
 #include "scan/detail/fringe_set.h"
 
 namespace crosstie::scan::detail {
@@ -10,6 +11,6 @@ namespace crosstie::scan::detail {
 /// equally likely, so that the error e shows as the density p of the measured phases: de/dx = p - 1, at the harmonics N and 2 N. Lines
 /// of the image between two places where the phase begins anew are whole fringes. Takes e out of `set.turns` where its amplitude is told
 /// apart from chance, and returns that amplitude [turns].
-double correct_ripple(const std::vector<char>& good, int width, int height, FringeSet& set, int threads);
+double correct_ripple(const std::vector<base::PhaseStatus>& status, int width, int height, FringeSet& set, int threads);
 
 }  // namespace crosstie::scan::detail

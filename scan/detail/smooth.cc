@@ -15,9 +15,9 @@ struct ColumnSums {
 
 }  // namespace
 
-std::vector<float> box_mean(const std::vector<float>& plane, const std::vector<char>& good, int width, int height, int radius,
+std::vector<float> box_mean(std::span<const float> plane, const std::vector<char>& good, int width, int height, int radius,
                             int threads, std::vector<char>* averaged) {
-  std::vector<float> result = plane;
+  std::vector<float> result(plane.begin(), plane.end());
   if (averaged != nullptr) averaged->assign(plane.size(), 0);
   if (radius < 1) return result;
   const auto w = static_cast<std::size_t>(width);

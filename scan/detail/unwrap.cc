@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include "math/distributions.h"
+#include "scan/detail/phase_kernel.h"
 #include "scan/detail/rows.h"
 
 namespace crosstie::scan::detail {
@@ -18,25 +21,34 @@ constexpr double kMargin = 9.0;  // of the second best fringe, in squared sigmas
 constexpr int kReach = 8;        // pixels over which neighbours tell a fringe
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
+/// The whole number next to a small one; std::round is a call.
+float nearest(float value) {
+  constexpr float kWhole = 12582912.0F;  // 1.5 * 2^23: sums with it are whole numbers
+  return (value + kWhole) - kWhole;
+}
+
 /// The fringe of a pixel as its neighbours in four directions tell it: their coordinates, carried on by their own slope. Two must
 /// agree, or one with the code's own nearest coordinate, where that is a number.
-float told_by_neighbours(const std::vector<float>& sure, float phase, float by_code, int x, int y, int width, int height) {
-  const auto at = [&](int column, int row) {
-    return column < 0 || column >= width || row < 0 || row >= height
-               ? kUnknown
-               : sure[static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column)];
+float told_by_neighbours(const base::Plane<float>& sure, float phase, float by_code, std::size_t pixel, int width, int height) {
+  struct Direction {
+    std::ptrdiff_t step;
+    int room;  // pixels up to the end of the image
   };
+  const int x = static_cast<int>(pixel % static_cast<std::size_t>(width));
+  const int y = static_cast<int>(pixel / static_cast<std::size_t>(width));
+  const float* here = &sure[pixel];
   float told = kUnknown;
   int voices = 0;
-  for (const auto& [dx, dy] : {std::pair{1, 0}, std::pair{-1, 0}, std::pair{0, 1}, std::pair{0, -1}}) {
-    for (int step = 1; step <= kReach; ++step) {
-      const float near = at(x + step * dx, y + step * dy);
-      const float next = at(x + (step + 1) * dx, y + (step + 1) * dy);
-      if (std::isnan(near) || std::isnan(next)) continue;
+  for (const Direction& along :
+       {Direction{1, width - 1 - x}, Direction{-1, x}, Direction{width, height - 1 - y}, Direction{-width, y}}) {
+    for (int step = 1; step <= std::min(kReach, along.room - 1); ++step) {
+      const float near = here[step * along.step];
+      const float next = here[(step + 1) * along.step];
       const float slope = near - next;
+      if (std::isnan(slope)) continue;
       if (std::abs(slope) > 0.25F) break;
       const float expected = near + slope * static_cast<float>(step);
-      const float k = std::round(expected - phase);
+      const float k = nearest(expected - phase);
       if (std::abs(expected - phase - k) > 0.25F) return kUnknown;
       if (voices > 0 && k + phase != told) return kUnknown;  // they contradict each other
       told = k + phase;
@@ -49,50 +61,57 @@ float told_by_neighbours(const std::vector<float>& sure, float phase, float by_c
 
 }  // namespace
 
-Result<> unwrap_by_gray_code(const GrayWords& words, const FringeSet& fringes, double word_periods, double word_offset,
-                             int width, int height, int threads, base::PhasePlane& plane, std::vector<PhaseStatus>& status,
+Result<> unwrap_by_gray_code(GrayWords& words, const FringeSet& fringes, double word_periods, double word_offset, int width,
+                             int height, int threads, base::PhasePlane& plane, std::vector<PhaseStatus>& status,
                              const base::Progress& progress) {
   // A phase off the middle of its word by up to half of it is as it should be, and by 0.15 more the word's blurred end.
-  const auto sure_within = static_cast<float>(std::min(0.5 * word_periods + 0.15, 0.5 - 0.1 * word_periods));
-  const auto scale = static_cast<float>(word_periods);
-  const auto shift = static_cast<float>(word_periods * (0.5 + word_offset));
-  std::vector<float> sure(fringes.turns.size(), kUnknown);
+  const WordScale scale{static_cast<float>(word_periods), static_cast<float>(word_periods * (0.5 + word_offset)),
+                        static_cast<float>(std::min(0.5 * word_periods + 0.15, 0.5 - 0.1 * word_periods))};
+  const auto w = static_cast<std::size_t>(width);
+  plane.turns.resize(fringes.turns.size());
   auto done = over_rows(height, threads, "fringes", progress, [&](int first, int last) {
-    for (std::size_t i = static_cast<std::size_t>(first) * static_cast<std::size_t>(width);
-         i < static_cast<std::size_t>(last) * static_cast<std::size_t>(width); ++i) {
-      if (status[i] != PhaseStatus::kValid || words.doubtful[i] > 1) continue;
-      const float middle = static_cast<float>(words.words[i]) * scale + shift;
-      const float k = std::round(middle - fringes.turns[i]);
-      if (std::abs(middle - fringes.turns[i] - k) <= sure_within) sure[i] = k + fringes.turns[i];
-    }
+    const std::size_t at = static_cast<std::size_t>(first) * w;
+    read_coordinates(scale, &words.words[at], &fringes.turns[at], reinterpret_cast<const std::uint8_t*>(&status[at]),
+                     static_cast<std::size_t>(last - first) * w, &words.doubtful[at], &plane.turns[at]);
   });
   if (!done) return done;
-  // One fringe off its neighbours on all sides is a misread word.
-  plane.turns = sure;
-  std::vector<std::int64_t> repaired(static_cast<std::size_t>(height), 0);
+  // One fringe off its neighbours on all sides is a misread word. Neighbours tell as their words do, so that none is changed before all
+  // are judged.
+  struct Repair {
+    std::size_t pixel;
+    float turns;
+  };
+  std::vector<std::vector<Repair>> repairs(band_count(height));
   done = over_rows(height, threads, "fringes", progress, [&](int first, int last) {
-    for (int y = first; y < last; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-        if (status[i] != PhaseStatus::kValid) continue;
-        if (!std::isnan(sure[i]) && words.doubtful[i] == 0) continue;
-        const float middle = static_cast<float>(words.words[i]) * scale + shift;
-        const float by_code = words.doubtful[i] > 1 ? kUnknown : std::round(middle - fringes.turns[i]) + fringes.turns[i];
-        const float told = told_by_neighbours(sure, fringes.turns[i], by_code, x, y, width, height);
-        if (std::isnan(told)) {
-          if (std::isnan(sure[i])) status[i] = PhaseStatus::kUndecided;
-        } else if (told != sure[i]) {
-          plane.turns[i] = told;
-          ++repaired[static_cast<std::size_t>(y)];
-        }
+    std::vector<Repair>& found = repairs[band_of(first)];
+    const std::uint8_t* asked = words.doubtful.data();
+    const std::size_t end = static_cast<std::size_t>(last) * w;
+    for (std::size_t i = static_cast<std::size_t>(first) * w; i < end; ++i) {
+      if (asked[i] == 0) {
+        std::uint64_t eight = 0;
+        if (i + sizeof eight <= end) std::memcpy(&eight, asked + i, sizeof eight);
+        if (i + sizeof eight <= end && eight == 0) i += sizeof eight - 1;
+        continue;
+      }
+      const float phase = fringes.turns[i];
+      const float middle = static_cast<float>(words.words[i]) * scale.scale + scale.shift;
+      const float by_code = asked[i] > 1 ? kUnknown : nearest(middle - phase) + phase;
+      const float told = told_by_neighbours(plane.turns, phase, by_code, i, width, height);
+      if (std::isnan(told)) {
+        if (std::isnan(plane.turns[i])) status[i] = PhaseStatus::kUndecided;
+      } else if (told != plane.turns[i]) {
+        found.push_back({i, told});
       }
     }
   });
-  for (const std::int64_t count : repaired) plane.repaired += count;
+  for (const std::vector<Repair>& band : repairs) {
+    for (const Repair& repair : band) plane.turns[repair.pixel] = repair.turns;
+    plane.repaired += static_cast<std::int64_t>(band.size());
+  }
   return done;
 }
 
-Result<> unwrap_by_sets(const std::vector<const FringeSet*>& sets, const std::vector<std::vector<float>>& sigmas_turns,
+Result<> unwrap_by_sets(const std::vector<const FringeSet*>& sets, const std::vector<base::Plane<float>>& sigmas_turns,
                         const base::AxisCode& code, int width, int height, int threads, base::PhasePlane& plane,
                         std::vector<PhaseStatus>& status, const base::Progress& progress) {
   const auto finest = static_cast<std::size_t>(code.finest());
