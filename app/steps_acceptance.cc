@@ -168,7 +168,7 @@ Result<std::vector<base::RepeatedGroup>> repeat_networks(const std::vector<fs::p
 Result<std::vector<base::RepeatedGroup>> repeat_edges(const std::vector<fs::path>& files) {
   std::vector<verify::RepeatedRim> rims;
   for (const fs::path& file : files) {
-    auto rim = read_rim(file.parent_path() / "edge.csv");
+    auto rim = read_rim_table(file.parent_path() / "edge.csv");
     if (!rim) return fail(std::move(rim));
     rims.push_back({base::shown(file), std::move(rim->points)});
   }

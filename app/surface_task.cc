@@ -71,7 +71,7 @@ base::Cloud brought(base::Cloud cloud, const base::Pose& pose) {
 
 }  // namespace
 
-Result<base::EdgeCurve> read_rim(const fs::path& file) {
+Result<base::EdgeCurve> read_rim_table(const fs::path& file) {
   const auto table = base::read_table(file);
   if (!table) return tl::unexpected(table.error());
   std::vector<std::size_t> columns;
@@ -199,9 +199,9 @@ Result<base::SurfaceVerification> compare_surfaces(const SurfaceTask& task, Sess
     }
   }
   if (task.edge && task.edge_reference) {
-    auto measured = read_rim(*task.edge);
+    auto measured = read_rim_table(*task.edge);
     if (!measured) return tl::unexpected(measured.error());
-    const auto reference = read_rim(*task.edge_reference);
+    const auto reference = read_rim_table(*task.edge_reference);
     if (!reference) return tl::unexpected(reference.error());
     for (auto& p : measured->points) {
       p.point_mm = task.reference_from_measured * p.point_mm;

@@ -38,7 +38,7 @@ base::Result<std::optional<SurfaceTask>> surface_task(const Job& job, const std:
                                                       const std::filesystem::path& edge);
 
 /// A rim from a table with x_mm y_mm z_mm nx ny nz in order, as edge.csv is; sigmas where there are columns sigma_u_mm, sigma_v_mm.
-base::Result<base::EdgeCurve> read_rim(const std::filesystem::path& file);
+base::Result<base::EdgeCurve> read_rim_table(const std::filesystem::path& file);
 
 /// The files that it reads.
 [[nodiscard]] std::vector<std::filesystem::path> surface_files(const SurfaceTask& task);

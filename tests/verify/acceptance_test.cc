@@ -158,21 +158,22 @@ TEST(Acceptance, FormErrorsShowInTheRange) {
   const Drawing wavy{.depth_sigma_mm = 0.002, .lateral_sigma_mm = 0.002, .form_mm = 0.1};
   const auto sphere = measure_sphere(drawn(wavy, 1), {"A", 38.0, 0.001, 0.0, wavy.centre});
   ASSERT_TRUE(sphere);
-  // sin^2 of the cap's half angle of 60 degrees, both ways; noise and the discarded points change it by a hundredth.
-  EXPECT_NEAR(sphere->form.value_mm, 2.0 * 0.1 * 0.75, 0.006);
+  // sin^2 of the cap's half angle of 60 degrees, both ways, less h of it by the 0.3 % that go: about a crest the share of the points above
+  // 1 - h is 4 sqrt(2) h^1.5 / (3 pi), so that h = 0.0293.
+  EXPECT_NEAR(sphere->form.value_mm, 2.0 * 0.1 * 0.75 * (1.0 - 0.0293), 0.003);
   EXPECT_LT(sphere->form_figures.independent_share, 0.1);
   EXPECT_NEAR(sphere->size.artefact_sigma_mm, 0.001, 1e-12);
 }
 
-// Noise of a third of a millimetre makes the bias of second order visible. Truth is the mean over the seeds.
+// Noise of 0.4 mm makes the bias of second order visible. Truth is the mean over the seeds.
 TEST(Acceptance, BiasByNoiseIsAsTold) {
-  const Drawing noisy{.depth_sigma_mm = 0.3, .lateral_sigma_mm = 0.1};
+  const Drawing noisy{.depth_sigma_mm = 0.4, .lateral_sigma_mm = 0.1, .pitch_mm = 0.6};
   double told = 0.0;
   const auto size = sample(kSeeds, noisy, [&](const auto& s) {
     told += s.size_bias_mm / kSeeds;
     return std::pair(s.size.value_mm, s.size.noise_sigma_mm);
   });
-  EXPECT_GT(std::abs(told), 5.0 * size.predicted / std::sqrt(kSeeds));  // the test can fail
+  EXPECT_GT(std::abs(told), 4.5 * size.predicted / std::sqrt(kSeeds));  // the test can fail
   EXPECT_NEAR(size.mean, told, 3.3 * size.predicted / std::sqrt(kSeeds) + 0.1 * std::abs(told));
 }
 
