@@ -42,6 +42,7 @@ bool is_colmap_folder(const fs::path& folder) {
 }
 
 Result<> check_overwriting(const fs::path& out, bool force) {
+  ResultFolder::clear_leftovers(out);
   std::error_code ignored;
   if (force || !fs::exists(out, ignored) || (fs::is_directory(out, ignored) && fs::is_empty(out, ignored))) return {};
   return base::fail(ErrorCode::kUsage, fmt::format("{} exists; --force replaces it", base::shown(out)));
