@@ -181,6 +181,7 @@ Result<Write> writer(const Wish& wish) {
 }
 
 Result<> check_overwriting(const fs::path& out, bool force) {
+  ResultFolder::clear_leftovers(out);
   std::error_code ignored;
   if (force || !fs::exists(out, ignored) || (fs::is_directory(out, ignored) && fs::is_empty(out, ignored))) return {};
   return base::fail(ErrorCode::kUsage, fmt::format("{} exists; --force replaces it", base::shown(out)));

@@ -21,6 +21,7 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   if (!seed) return tl::unexpected(seed.error());
   if (*seed && **seed < 0) return base::fail(ErrorCode::kUsage, "--seed must not be negative");
   const std::filesystem::path job = *arguments.get("--out");
+  ResultFolder::clear_leftovers(job);
   std::error_code ignored;
   if (std::filesystem::is_directory(job, ignored) && !std::filesystem::is_empty(job, ignored)) {
     return base::fail(ErrorCode::kUsage, fmt::format("{} holds files; name a new or an empty folder", job.string()));

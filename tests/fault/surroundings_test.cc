@@ -1,12 +1,9 @@
 // What surrounds the program: signals, other runs, clock, locale, memory, threads, names of folders, formats of other versions.
-#include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
-#include <thread>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

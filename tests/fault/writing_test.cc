@@ -19,7 +19,7 @@ namespace {
 
 bool all_places() { return std::getenv("CROSSTIE_FAULT_SOAK") != nullptr; }
 
-/// Of so many calls those that are tried: all, or some in all parts and the last ones, where results are put in their places.
+/// Of so many calls those that are tried: all, or some, each from another part of them, and the last one, when the result is in its place.
 std::vector<long> places(long calls, long some, unsigned seed) {
   std::vector<long> chosen;
   std::mt19937 random(seed);
@@ -29,6 +29,7 @@ std::vector<long> places(long calls, long some, unsigned seed) {
     const long to = calls * (k + 1) / some;
     if (to >= from) chosen.push_back(from + static_cast<long>(random() % static_cast<unsigned long>(to - from + 1)));
   }
+  if (!all_places()) chosen.back() = calls;
   return chosen;
 }
 
@@ -67,7 +68,10 @@ const Prepared& prepared(const Work& work) {
 
 class Writing : public testing::TestWithParam<Work> {
  protected:
-  void SetUp() override { ASSERT_EQ(work_.trouble, ""); }
+  void SetUp() override {
+    ASSERT_EQ(work_.trouble, "");
+    RecordProperty("calls", std::to_string(work_.calls));
+  }
   ~Writing() override { RecordProperty("cases", cases_); }
 
   [[nodiscard]] const std::filesystem::path& folder() const { return work_.folder.path(); }
