@@ -26,6 +26,7 @@
 #include "base/stitching_document.h"
 #include "base/stitching_reader.h"
 #include "base/table.h"
+#include "base/tool_path.h"
 #include "calib/corners.h"
 #include "edge/nominal_file.h"
 #include "fixtures/scene.h"
@@ -103,6 +104,14 @@ Files files_of(Write write) {
 template <typename Write>
 std::string contents_of(Write write) {
   return files_of([&](const fs::path& folder) { return write(folder / "file.png"); }).at(0).second;
+}
+
+base::ToolPath some_path() {
+  base::ToolPath path;
+  path.frame = "machine";
+  path.points.resize(2);
+  path.points[1].point_mm = {1001.25, 0.0, 0.0};
+  return path;
 }
 
 base::Camera some_camera() {
@@ -363,6 +372,10 @@ std::vector<Reader> readers() {
         "8\n"},
        pcd});
   all.back().takes_mark = false;
+  all.push_back(
+      {"tool path",
+       {contents_of([](const fs::path& p) { return base::write_tool_path_json(p, some_path()); }), true, true, "1001.25"},
+       answer([](const fs::path& p) { return base::read_tool_path_json(p); })});
   all.push_back({"binary PLY", {contents_of([](const fs::path& p) { return base::write_ply(p, some_cloud()); })}, ply});
   all.push_back({"ASCII PLY",
                  {"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"

@@ -20,7 +20,8 @@ import time
 
 WATCHERS = 2  # each reads the states and both cameras; the program admits 12 streams
 GROWTH_LIMIT_MB_PER_HOUR = 16.0
-SETTLED_SHARE = 0.5  # of the time, at the end: the operator's computations are over by then
+SETTLED_SHARE = 0.5  # of the time, at the end, and only what comes after all results are there
+SHORTEST_S = 600.0  # that tells growth
 
 
 class Counters:
@@ -107,7 +108,10 @@ class Page:
         with socket.create_connection((self.host, self.port)) as stream:
             stream.sendall(f"GET /camera/left HTTP/1.1\r\nHost: {self.host}:{self.port}\r\n\r\n".encode())
             while not self.ended.wait(1.0):
-                if not stream.recv(4096):
+                try:
+                    if not stream.recv(4096):
+                        return
+                except ConnectionResetError:  # who takes too little for too long is let go
                     return
 
     def come_and_go(self):
@@ -201,7 +205,7 @@ def main():
         persist(page, page.operate)
 
         begin = time.time()
-        samples, threads, said, state = [], [], 0, None
+        samples, threads, said, state, complete = [], [], 0, None, None
         while time.time() - begin < 60 * minutes and program.poll() is None:
             time.sleep(2.0)
             memory, count = memory_mb(program.pid)
@@ -210,6 +214,8 @@ def main():
             if time.time() - begin >= 60 * said:
                 said += 1
                 state = page.json("/state") or state
+                if complete is None and all(stage["state"] == "done" for stage in state["stages"]):
+                    complete = samples[-1][0]
                 done = [f"{stage['name']} {stage['have']}/{stage['want']} {stage['state']}" for stage in state["stages"]]
                 print(f"{samples[-1][0] / 60:5.1f} min  {memory:7.1f} MB  {count} threads  {state['pairs']}  "
                       f"{counters.states} states, {counters.pictures} pictures, {counters.taken} taken; {'; '.join(done)}", flush=True)
@@ -219,8 +225,12 @@ def main():
         program.send_signal(signal.SIGINT)
         program.wait(60)
 
-    settled = [sample for sample in samples if sample[0] >= (1 - SETTLED_SHARE) * samples[-1][0]]
-    slope, sigma = slope_mb_per_hour(settled)
+    begin = max((1 - SETTLED_SHARE) * samples[-1][0], complete if complete is not None else samples[-1][0])
+    settled = [sample for sample in samples if sample[0] >= begin]
+    told = samples[-1][0] - begin >= SHORTEST_S
+    slope, sigma = slope_mb_per_hour(settled) if told else (0.0, float("inf"))
+    if not told:
+        print("growth of memory is not judged: the results were there too late (or never) for ten minutes of repeating")
     print(f"memory: {samples[0][1]:.1f} MB at first, {max(m for _, m in samples):.1f} at most, {samples[-1][1]:.1f} at last; slope of the "
           f"last {len(settled)} samples {slope:+.2f} +- {sigma:.2f} MB/h; threads {min(threads)} to {max(threads)}")
     shown = [(c["side"], c["frames"], c["dropped"], c["lost"], c["swapped"], c["incomplete"]) for c in state["cameras"]]
