@@ -269,7 +269,8 @@ base::Acceptance judge_acceptance(std::vector<base::AcceptancePosition> position
       form.add(place, sphere.form);
       size.add(place, sphere.size);
       about_points(place, sphere.form_figures, acceptance.warnings);
-      about_size({"sphere_size", place, ""}, sphere.diameter_mm, 0.1, 0.2, volume_diagonal_mm, acceptance.warnings);
+      about_size(base::Warning{"sphere_size", place, ""}, sphere.diameter_mm, 0.1, 0.2, volume_diagonal_mm,
+                 acceptance.warnings);
       if (std::abs(sphere.size_bias_mm) > sphere.size.sigma_mm()) {
         acceptance.warnings.push_back(
             {"noise_bias", place,
@@ -281,13 +282,13 @@ base::Acceptance judge_acceptance(std::vector<base::AcceptancePosition> position
     if (position.spacing) {
       spacing.add(position.name, position.spacing->error);
       if (part == 3) length.add(position.name, position.spacing->length_error);
-      about_size({"bar_length", position.name, ""}, position.spacing->calibrated_mm, 0.3, HUGE_VAL, volume_diagonal_mm,
-                 acceptance.warnings);
+      about_size(base::Warning{"bar_length", position.name, ""}, position.spacing->calibrated_mm, 0.3, HUGE_VAL,
+                 volume_diagonal_mm, acceptance.warnings);
     }
     if (position.plane) {
       flatness.add(position.name, position.plane->flatness);
       about_points(position.name, position.plane->form_figures, acceptance.warnings);
-      about_size({"plate_length", position.name, ""}, position.plane->length_mm, 0.5, HUGE_VAL, volume_diagonal_mm,
+      about_size(base::Warning{"plate_length", position.name, ""}, position.plane->length_mm, 0.5, HUGE_VAL, volume_diagonal_mm,
                  acceptance.warnings);
     }
   }
