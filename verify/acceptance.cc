@@ -241,13 +241,14 @@ void about_points(const std::string& place, const base::FormFigures& figures, st
   }
 }
 
-void about_size(const std::string& code, const std::string& place, double size, double low, double high, double diagonal,
+/// Adds the warning, with its message, where a size is not what the guideline asks for.
+void about_size(base::Warning warning, double size, double low, double high, double diagonal,
                 std::vector<base::Warning>& warnings) {
   if (!(diagonal > 0.0) || (size >= low * diagonal && size <= high * diagonal)) return;
-  warnings.push_back(
-      {code, place,
-       fmt::format("{}: {:.1f} mm; the guideline asks for {} of the measuring volume's diagonal of {:.0f} mm", place, size,
-                   high < 10.0 ? fmt::format("{} to {}", low, high) : fmt::format("at least {}", low), diagonal)});
+  warning.message =
+      fmt::format("{}: {:.1f} mm; the guideline asks for {} of the measuring volume's diagonal of {:.0f} mm", warning.subject,
+                  size, high < 10.0 ? fmt::format("{} to {}", low, high) : fmt::format("at least {}", low), diagonal);
+  warnings.push_back(std::move(warning));
 }
 
 }  // namespace
@@ -268,7 +269,8 @@ base::Acceptance judge_acceptance(std::vector<base::AcceptancePosition> position
       form.add(place, sphere.form);
       size.add(place, sphere.size);
       about_points(place, sphere.form_figures, acceptance.warnings);
-      about_size("sphere_size", place, sphere.diameter_mm, 0.1, 0.2, volume_diagonal_mm, acceptance.warnings);
+      about_size(base::Warning{"sphere_size", place, ""}, sphere.diameter_mm, 0.1, 0.2, volume_diagonal_mm,
+                 acceptance.warnings);
       if (std::abs(sphere.size_bias_mm) > sphere.size.sigma_mm()) {
         acceptance.warnings.push_back(
             {"noise_bias", place,
@@ -280,13 +282,13 @@ base::Acceptance judge_acceptance(std::vector<base::AcceptancePosition> position
     if (position.spacing) {
       spacing.add(position.name, position.spacing->error);
       if (part == 3) length.add(position.name, position.spacing->length_error);
-      about_size("bar_length", position.name, position.spacing->calibrated_mm, 0.3, HUGE_VAL, volume_diagonal_mm,
-                 acceptance.warnings);
+      about_size(base::Warning{"bar_length", position.name, ""}, position.spacing->calibrated_mm, 0.3, HUGE_VAL,
+                 volume_diagonal_mm, acceptance.warnings);
     }
     if (position.plane) {
       flatness.add(position.name, position.plane->flatness);
       about_points(position.name, position.plane->form_figures, acceptance.warnings);
-      about_size("plate_length", position.name, position.plane->length_mm, 0.5, HUGE_VAL, volume_diagonal_mm,
+      about_size(base::Warning{"plate_length", position.name, ""}, position.plane->length_mm, 0.5, HUGE_VAL, volume_diagonal_mm,
                  acceptance.warnings);
     }
   }

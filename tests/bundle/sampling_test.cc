@@ -121,7 +121,8 @@ void expect_true_covariance(tests::SyntheticOptions options, Datum datum, bool s
       synthetic.network.control.push_back(control_points(synthetic, options.seed));
     }
     // The true sigmas are given, and nothing is rejected: the distribution of the errors is then known exactly.
-    const auto result = adjust(synthetic.network, {.model_sigma_px = 0.0, .reject_outliers = false});
+    const auto result = adjust(
+        synthetic.network, {.model_sigma_px = 0.0, .reject_outliers = false, .variance_components = VarianceComponents::kNone});
     ASSERT_TRUE(result) << result.error().message;
     ASSERT_EQ(result->points.size(), synthetic.points.size());
     ASSERT_TRUE(result->rejected.empty());
@@ -175,7 +176,8 @@ TEST(Sampling, DistancesAndTheirSigmasAreTheSameInEveryDatum) {
   for (const Datum datum : {Datum::kInner, Datum::kMinimal, Datum::kThreeTwoOne}) {
     tests::SyntheticNetwork synthetic = tests::make_synthetic(kSolid);
     synthetic.network.datum = datum_points(synthetic, datum);
-    auto result = adjust(synthetic.network, {.model_sigma_px = 0.0, .reject_outliers = false});
+    auto result = adjust(synthetic.network,
+                         {.model_sigma_px = 0.0, .reject_outliers = false, .variance_components = VarianceComponents::kNone});
     ASSERT_TRUE(result) << result.error().message;
     results.push_back(std::move(*result));
   }

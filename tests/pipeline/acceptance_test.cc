@@ -1,5 +1,6 @@
 // crosstie verify --acceptance and --repeat from their files to their results; clouds of a drawn ball bar, sphere and plate.
 #include <cmath>
+#include <fstream>
 #include <numbers>
 #include <random>
 
@@ -67,7 +68,7 @@ void write_test(const fs::path& folder, std::uint64_t seed, double larger_mm) {
   }
   ASSERT_TRUE(base::write_ply(folder / "plate.ply", plate));
   text += "[[position]]\nname = \"plate\"\nartefact = \"plane\"\ncloud = \"plate.ply\"\n";
-  ASSERT_TRUE(base::write_file(folder / "acceptance.toml", text));
+  ASSERT_TRUE(std::ofstream(folder / "acceptance.toml") << text);
 }
 
 const nlohmann::ordered_json& entry(const nlohmann::ordered_json& list, const std::string& name) {
@@ -141,7 +142,7 @@ TEST(AcceptanceVerb, RefusesWithThePlaceOfTheMistake) {
   const tests::TemporaryFolder folder;
   const fs::path file = folder.path() / "acceptance.toml";
   const auto run = [&](const std::string& text) {
-    EXPECT_TRUE(base::write_file(file, text));
+    EXPECT_TRUE(std::ofstream(file) << text);
     return tests::run_program({"verify", "--acceptance", file.string(), "--out", (folder / "out").string()});
   };
   const std::string head = "format = \"crosstie-acceptance/1\"\n";
