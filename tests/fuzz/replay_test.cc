@@ -33,14 +33,13 @@ class Replay : public testing::TestWithParam<Target> {
   static std::size_t replay(const fs::path& folder) {
     const auto files = files_in(folder);
     for (const fs::path& file : files) {
+      const tests::Bounded bounded;
       replayed = file;
       const std::string bytes = tests::read_all(file);
       EXPECT_EQ(GetParam().run(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()), 0) << file;
     }
     return files.size();
   }
-
-  tests::Bounded bounded_;
 };
 
 TEST_P(Replay, CorpusAndWhatWasFound) {
