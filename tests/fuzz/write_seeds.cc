@@ -62,6 +62,8 @@ const std::map<std::string, Place>& places() {
       {"binary PLY", {"ply"}},
       {"ASCII PLY", {"ply"}},
       {"mesh", {"ply"}},
+      {"binary PCD", {"pcd"}},
+      {"ASCII PCD", {"pcd"}},
       {"pattern manifest", {"manifests"}},
   };
   return all;
