@@ -64,6 +64,20 @@ bool same_inputs(const ordered_json& result, const std::vector<base::ResultInput
   return true;
 }
 
+std::string overview_of(const std::filesystem::path& out) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  fs::path folder = fs::absolute(out, none).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  std::string way;
+  for (int level = 0; level < 2; ++level) {  // a station's scan stands one deeper
+    folder = folder.parent_path();
+    way += "../";
+    if (folder.filename() == "results" && fs::exists(folder.parent_path() / "job.toml", none)) return way + "index.html";
+  }
+  return {};
+}
+
 Result<> publish(ResultFolder& folder, const std::string& html, const ordered_json& result) {
   if (auto written = base::write_file_atomically(folder.path() / "report.html", html); !written) return written;
   if (auto written = base::write_json(folder.path() / "result.json", result); !written) return written;

@@ -31,6 +31,10 @@ Outcome outcome_of(const nlohmann::ordered_json& result);
 /// reference, are other inputs.
 bool same_inputs(const nlohmann::ordered_json& result, const std::vector<base::ResultInput>& inputs);
 
+/// From a report in this folder to the overview of its job, as a relative address: "../index.html"; empty where the folder does not stand
+/// in the results of a job.
+std::string overview_of(const std::filesystem::path& out);
+
 /// Writes report.html and result.json into a folder in the making and puts it in its place.
 base::Result<> publish(ResultFolder& folder, const std::string& html, const nlohmann::ordered_json& result);
 

@@ -156,7 +156,7 @@ base::ScannedEdges describe(const base::EdgePixels& edges) {
 base::ScanSummary summarise(const ScanTask& task, const base::Head& head, const ScanParts& parts) {
   const auto& [maps, depths, cloud] = std::tie(parts.maps, parts.depths, parts.cloud);
   constexpr std::size_t kEvery = 17;
-  constexpr std::size_t kSample = 3000;
+  constexpr std::size_t kSample = 50000;
   base::ScanSummary summary;
   summary.name = task.title;
   summary.width = depths.width;

@@ -69,6 +69,7 @@ Verb edge_verb();
 Verb stitch_verb();
 Verb verify_verb();
 Verb run_verb();
+Verb report_verb();
 Verb live_verb();
 Verb simulate_verb();
 Verb targets_verb();

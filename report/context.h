@@ -12,6 +12,7 @@ struct ReportContext {
   std::string job;                ///< the job's name; may be empty
   base::ResultEnvelope envelope;  ///< verdicts, inputs with their hashes, warnings of the verb
   std::string options_json;       ///< the effective options, as JSON text; may be empty
+  std::string overview = {};      ///< from the report to the overview of its job, "../index.html"; empty: it stands in none
 };
 
 }  // namespace crosstie::report

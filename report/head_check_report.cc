@@ -25,7 +25,7 @@ std::string tests_table(const base::HeadCheck& check) {
        {"Chi-square", ""},
        {"Degrees of freedom", ""},
        {"p", ""},
-       {"", "", "", false}});
+       {"Finding", "", "", false}});
   for (const base::HeadCheck::Test& test : check.tests) {
     table.add_row({text_cell(test.name), number_cell(significant(test.value), test.value),
                    test.sigma > 0.0 ? number_cell(significant(test.sigma, 2), test.sigma) : text_cell("\u2013"),
@@ -39,7 +39,7 @@ std::string tests_table(const base::HeadCheck& check) {
 std::string change_table(const std::string& caption, const base::Vector6d& change, const base::Vector6d& sigma,
                          const std::array<bool, 6>& seen) {
   static constexpr std::array<const char*, 6> kNames = {"rx [mrad]", "ry [mrad]", "rz [mrad]", "x [mm]", "y [mm]", "z [mm]"};
-  HtmlTable table(caption, {{"", "", "", false}, {"Change", ""}, {"Sigma", ""}, {"U (k = 2)", ""}, {"Over sigma", ""}});
+  HtmlTable table(caption, {{"Component", "", "", false}, {"Change", ""}, {"Sigma", ""}, {"U (k = 2)", ""}, {"Over sigma", ""}});
   for (Eigen::Index i = 0; i < 6; ++i) {
     const char* name = kNames[static_cast<std::size_t>(i)];
     if (!seen[static_cast<std::size_t>(i)]) {

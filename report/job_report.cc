@@ -8,6 +8,7 @@
 
 #include "report/detail/html.h"
 #include "report/detail/page.h"
+#include "report/verdict_words.h"
 
 namespace crosstie::report {
 namespace {
@@ -40,37 +41,37 @@ detail::Cell level_cell(const std::vector<base::Verdict>& verdicts) {
 std::string steps_table(const JobOverview& overview) {
   detail::HtmlTable table("Each step in the order of the work, with the worst of its verdicts.",
                           {{"Step", "", "its report", false},
+                           {"Verdict", "", "", false},
                            {"What it gives", "", "", false},
                            {"Frame", "", "of its coordinates", false},
                            {"Checks"},
-                           {"Verdict", "", "", false},
                            {"Warnings"}});
+  table.as_cards();
   for (const JobResult& result : overview.results) {
     detail::Cell name = text_cell(result.name);
     name.href = result.page;
     const auto checks = result.envelope.verdicts.size();
     const auto warnings = result.envelope.warnings.size();
-    table.add_row({name, text_cell(std::string(about(result.envelope.verb)), "prose"), text_cell(result.envelope.frame),
-                   detail::number_cell(std::to_string(checks), static_cast<double>(checks)),
-                   level_cell(result.envelope.verdicts),
+    table.add_row({name, level_cell(result.envelope.verdicts), text_cell(std::string(about(result.envelope.verb)), "prose"),
+                   text_cell(result.envelope.frame), detail::number_cell(std::to_string(checks), static_cast<double>(checks)),
                    detail::number_cell(std::to_string(warnings), static_cast<double>(warnings))});
   }
   for (const std::string& step : overview.not_done)
-    table.add_row({text_cell(step), text_cell("not done yet", "muted"), text_cell(""), text_cell(""),
-                   text_cell("\u2013", "muted"), text_cell("")});
+    table.add_row({text_cell(step), text_cell("\u2013", "muted"), text_cell("not done yet", "muted"), text_cell(""), text_cell(""),
+                   text_cell("")});
   return table.html();
 }
 
 }  // namespace
 
 std::string job_report(const JobOverview& overview) {
-  ReportContext context{.title = "Job overview", .job = overview.job, .envelope = {}, .options_json = {}};
+  ReportContext context{.title = "Job overview", .job = overview.job, .envelope = {}, .options_json = {}, .overview = {}};
   context.envelope.verb = "run";
   context.envelope.frame = "as each step says";
   int failed = 0;
   for (const JobResult& result : overview.results) {
     for (base::Verdict verdict : result.envelope.verdicts) {
-      verdict.name = fmt::format("{}: {}", result.name, verdict.name);
+      verdict.name = fmt::format("{}: {}", result.name, verdict_words(verdict.name));
       failed += verdict.level == VerdictLevel::kFail ? 1 : 0;
       context.envelope.verdicts.push_back(std::move(verdict));
     }

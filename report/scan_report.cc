@@ -46,7 +46,7 @@ std::vector<detail::KeyFigure> key_figures(const ScanSummary& scan) {
     figures.push_back({"Calibration's part", "unknown", "the calibration was given without its covariance", "warning"});
   }
   if (scan.head_test.done()) {
-    figures.push_back({"Off the epipolar curves", fmt::format("{} px", detail::fixed(scan.head_test.off_px, 3)),
+    figures.push_back({"Off the epipolar curves", fmt::format("{} px", detail::significant(scan.head_test.off_px, 2)),
                        fmt::format("{}: the test of the calibration by this scan's {}",
                                    detail::expanded(scan.head_test.sigma_px, "px"), scan.head_test.source),
                        ""});

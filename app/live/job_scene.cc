@@ -10,6 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/base64.h"
 #include "base/json_file.h"
 #include "base/ply.h"
 #include "base/table.h"
@@ -20,19 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using base::Result;
 using nlohmann::ordered_json;
-
-std::string base64(const std::string& bytes) {
-  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t word = 0;
-    for (std::size_t j = 0; j < 3; ++j)
-      word = word << 8 | (i + j < bytes.size() ? static_cast<unsigned char>(bytes[i + j]) : 0U);
-    for (std::size_t j = 0; j < 4; ++j) text += i + j > bytes.size() ? '=' : kDigits[word >> (18 - 6 * j) & 63U];
-  }
-  return text;
-}
 
 /// Three little-endian floats a point.
 std::string packed(const ScenePatch& patch, const base::Pose& frame_from_rig) {
@@ -125,7 +113,7 @@ std::string scene_json(const LiveScene& scene) {
   json["patches"] = ordered_json::array();
   for (std::size_t i = 0; i < scene.patches.size(); ++i) {
     const auto& [patch, frame_from_rig] = scene.patches[i];
-    json["patches"].push_back({{"station", patch->station}, {"colour", i}, {"points", base64(packed(*patch, frame_from_rig))}});
+    json["patches"].push_back({{"station", patch->station}, {"colour", i}, {"points", base::base64(packed(*patch, frame_from_rig))}});
   }
   json["rim"] = ordered_json::array();
   for (const RimPiece& piece : scene.rim) {

@@ -36,3 +36,12 @@ for (const table of document.querySelectorAll('table')) {
     });
   });
 }
+// Figures that are wider than a narrow screen scroll sideways, with the keyboard too.
+function reach(figure) {
+  if (figure.scrollWidth > figure.clientWidth) figure.tabIndex = 0;
+  else figure.removeAttribute('tabindex');
+}
+for (const figure of document.querySelectorAll('figure')) {
+  if (typeof ResizeObserver === 'function') new ResizeObserver(() => reach(figure)).observe(figure);
+  reach(figure);
+}

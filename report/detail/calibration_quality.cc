@@ -194,16 +194,16 @@ std::string calibration_epipolar_section(const std::vector<EpipolarPair>& pairs)
     squares += pair.corners * pair.rms_px * pair.rms_px;
     expected += pair.corners * pair.expected_px * pair.expected_px;
     table.add_row({text_cell(pair.station), number_cell(std::to_string(pair.corners), pair.corners),
-                   number_cell(fixed(pair.mean_px, 3), pair.mean_px), number_cell(fixed(pair.rms_px, 3), pair.rms_px),
-                   number_cell(fixed(pair.expected_px, 3), pair.expected_px),
+                   number_cell(fixed(pair.mean_px, 4), pair.mean_px), number_cell(fixed(pair.rms_px, 4), pair.rms_px),
+                   number_cell(fixed(pair.expected_px, 4), pair.expected_px),
                    number_cell(fixed(ratio, 2), ratio, ratio > kDoubtful ? "warning" : ""),
-                   number_cell(fixed(pair.max_px, 3), pair.max_px)});
+                   number_cell(fixed(pair.max_px, 4), pair.max_px)});
   }
   int corners = 0;
   for (const EpipolarPair& pair : pairs) corners += pair.corners;
   const double n = std::max(1, corners);
-  return paragraph(fmt::format("All pairs: {} px rms, {} px expected.", fixed(std::sqrt(squares / n), 3),
-                               fixed(std::sqrt(expected / n), 3))) +
+  return paragraph(fmt::format("All pairs: {} px rms, {} px expected.", significant(std::sqrt(squares / n), 2),
+                               significant(std::sqrt(expected / n), 2))) +
          table.html();
 }
 

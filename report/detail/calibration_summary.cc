@@ -117,8 +117,8 @@ std::string calibration_views_section(const Calibration& calibration) {
                    text_cell(calibration.stations.at(static_cast<std::size_t>(view.station)).name),
                    number_cell(std::to_string(view.corners), view.corners),
                    number_cell(std::to_string(view.rejected), view.rejected),
-                   number_cell(fixed(view.rms_px, 3), view.rms_px, view.rms_px > kBad * middle ? "warning" : ""),
-                   number_cell(fixed(view.max_px, 3), view.max_px), number_cell(fixed(view.distance_mm, 0), view.distance_mm),
+                   number_cell(fixed(view.rms_px, 4), view.rms_px, view.rms_px > kBad * middle ? "warning" : ""),
+                   number_cell(fixed(view.max_px, 4), view.max_px), number_cell(fixed(view.distance_mm, 0), view.distance_mm),
                    number_cell(fixed(kDegrees * view.tilt_rad, 0), view.tilt_rad)});
   }
   return table.html();

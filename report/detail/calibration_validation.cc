@@ -20,7 +20,7 @@ std::string folds_table(const Calibration& calibration) {
     std::vector<Cell> row = {text_cell(fold.name), number_cell(std::to_string(fold.stations), fold.stations)};
     for (std::size_t c = 0; c < calibration.cameras.size(); ++c) {
       const double rms = c < fold.rms_px.size() ? fold.rms_px[c] : std::nan("");
-      row.push_back(number_cell(fixed(rms, 3), rms));
+      row.push_back(number_cell(significant(rms, 3), rms));
     }
     if (calibration.rig) {
       row.push_back(number_cell(fixed(fold.baseline_mm, 3), fold.baseline_mm));
@@ -43,7 +43,7 @@ std::string halves_table(const Calibration& calibration) {
   constexpr double kDoubtful = 2.0;
   const auto row = [&](const std::string& name, double value, double predicted, const char* unit) {
     const double ratio = predicted > 0.0 ? std::abs(value) / predicted : std::nan("");
-    table.add_row({text_cell(name), number_cell(fixed(value, 3), value), number_cell(fixed(predicted, 3), predicted),
+    table.add_row({text_cell(name), number_cell(significant(value, 2), value), number_cell(significant(predicted, 2), predicted),
                    text_cell(unit), number_cell(fixed(ratio, 2), ratio, ratio > kDoubtful ? "warning" : "")});
   };
   for (std::size_t c = 0; c < calibration.cameras.size() && c < validation.model_difference_px.size(); ++c) {
@@ -58,7 +58,7 @@ std::string lens_table(const Calibration& calibration) {
   HtmlTable table(
       "Lens models. The simplest is chosen whose held-out views are predicted as well as by the best (one standard error); the "
       "rms of corners that took part always falls with more parameters and decides nothing.",
-      {{"Model", "", "", false}, {"Rms", "px"}, {"Held-out rms", "px"}, {"Worse by", "sigmas"}, {"", "", "", false}});
+      {{"Model", "", "", false}, {"Rms", "px"}, {"Held-out rms", "px"}, {"Worse by", "sigmas"}, {"Finding", "", "", false}});
   for (const base::LensTrial& trial : calibration.ladder) {
     const std::string name(base::lens_model_name(trial.lens));
     if (!trial.failure.empty()) {
@@ -82,7 +82,7 @@ std::string detector_table(const Calibration& calibration) {
                    {"Rms", "px"},
                    {"fx", "px", "of the first camera"},
                    {"Baseline", "mm"},
-                   {"", "", "", false}});
+                   {"Finding", "", "", false}});
   for (const base::DetectorTrial& trial : calibration.detectors) {
     const bool solved = trial.failure.empty() && !trial.focal_px.empty();
     const auto number = [&](double value, int decimals) {

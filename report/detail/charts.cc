@@ -184,8 +184,7 @@ std::string rms_along(std::span<const double> at, std::span<const double> values
   std::vector<double> x;
   std::vector<double> y;
   for (const Class& one : list) {
-    plot.svg().line(plot.x_px(one.at), plot.y_px(std::max(0.0, one.rms - one.half_width)), plot.x_px(one.at),
-                    plot.y_px(one.rms + one.half_width), "whisker");
+    plot.whisker(one.at, one.rms - one.half_width, one.rms + one.half_width);
     x.push_back(one.at);
     y.push_back(one.rms);
   }

@@ -86,7 +86,7 @@ std::string commissioning_rig_section(const CommissioningView& view) {
       "the right camera's axes; its sigma is that of the difference between a prior and what it became (the difference of the "
       "variances). "
       "Far beyond it, the head has changed since it was calibrated.",
-      {{"", "", "", false},
+      {{"Component", "", "", false},
        {"Calibrated", ""},
        {"Sigma before", ""},
        {"Now", ""},

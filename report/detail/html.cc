@@ -122,7 +122,9 @@ void HtmlTable::add_row(std::vector<Cell> cells, const std::string& row_id) {
     if (!cell.css_class.empty()) css += (css.empty() ? "" : " ") + cell.css_class;
     std::string content = escape(cell.text);
     if (!cell.href.empty()) content = fmt::format("<a href=\"{}\">{}</a>", escape(cell.href), content);
-    row += fmt::format("<{}{}{}{}>{}</{}>", tag, i == 0 ? " scope=\"row\"" : "",
+    const bool named = cards_ && i > 0 && i < columns_.size();
+    row += fmt::format("<{}{}{}{}{}>{}</{}>", tag, i == 0 ? " scope=\"row\"" : "",
+                       named ? fmt::format(" data-name=\"{}\"", escape(columns_[i].name)) : "",
                        css.empty() ? "" : fmt::format(" class=\"{}\"", escape(css)),
                        cell.sort_key.empty() ? "" : fmt::format(" data-v=\"{}\"", escape(cell.sort_key)), content, tag);
   }
@@ -142,9 +144,9 @@ std::string HtmlTable::html() const {
                            counted(static_cast<long long>(rows_.size())), escape(where_all_are_));
   }
   std::string html = fmt::format(
-      "<div class=\"table\" role=\"region\" tabindex=\"0\" aria-label=\"{}\"><table><caption><span>{}</span></caption>\n"
+      "<div class=\"table{}\" role=\"region\" tabindex=\"0\" aria-label=\"{}\"><table><caption><span>{}</span></caption>\n"
       "<thead><tr>",
-      escape(caption_), caption);
+      cards_ ? " cards" : "", escape(caption_), caption);
   for (const Column& column : columns_) {
     html += fmt::format("<th scope=\"col\"{}{}><span>{}</span>{}</th>", column.numeric ? " class=\"n\"" : "",
                         column.about.empty() ? "" : fmt::format(" title=\"{}\"", escape(column.about)), escape(column.name),

@@ -39,6 +39,8 @@ class HtmlTable {
 
   /// `row_id` becomes the anchor of the row; empty for none.
   void add_row(std::vector<Cell> cells, const std::string& row_id = "");
+  /// On narrow screens each row becomes a card, with the columns' names beside what stands in them. Before the first row.
+  void as_cards() { cards_ = true; }
   /// Rows beyond `max_rows` are not shown; the table then says how many there are and where they stand.
   void limit_rows(std::size_t max_rows, std::string where_all_are);
   [[nodiscard]] std::string html() const;
@@ -49,6 +51,7 @@ class HtmlTable {
   std::vector<Column> columns_;
   std::vector<std::string> rows_;
   std::size_t max_rows_ = 0;
+  bool cards_ = false;
   std::string where_all_are_;
 };
 

@@ -10,6 +10,7 @@
 #include "report/detail/assets.h"
 #include "report/detail/html.h"
 #include "report/detail/number.h"
+#include "report/verdict_words.h"
 
 namespace crosstie::report::detail {
 namespace {
@@ -24,12 +25,21 @@ const char* level_sign(VerdictLevel level) {
 /// So that XML parsers take the script as text.
 std::string cdata(std::string_view script) { return fmt::format("/*<![CDATA[*/\n{}\n/*]]>*/", script); }
 
+/// A test's: it accuses where p is low.
+bool is_probability(const Verdict& verdict) { return verdict.unit == "p"; }
+
 std::string verdict_sentence(const Verdict& verdict) {
+  if (is_probability(verdict)) {
+    return fmt::format("{}: p {} is {} the level of {}", verdict_words(verdict.name), probability(verdict.value),
+                       verdict.level == VerdictLevel::kFail ? "below its share of" : "not below its share of",
+                       plain(verdict.limit));
+  }
   const std::string unit = verdict.unit.empty() ? "" : "\u00a0" + verdict.unit;
   const char* relation = verdict.level == VerdictLevel::kOk        ? "within the limit of"
                          : verdict.level == VerdictLevel::kWarning ? "too near to the limit of"
                                                                    : "beyond the limit of";
-  return fmt::format("{}: {}{} is {} {}{}", verdict.name, plain(verdict.value), unit, relation, plain(verdict.limit), unit);
+  return fmt::format("{}: {}{} is {} {}{}", verdict_words(verdict.name), plain(verdict.value), unit, relation,
+                     plain(verdict.limit), unit);
 }
 
 std::string banner(const std::vector<Verdict>& verdicts, std::size_t warnings) {
@@ -43,11 +53,13 @@ std::string banner(const std::vector<Verdict>& verdicts, std::size_t warnings) {
     }
   }
   if (!judged) {
-    reasons += "<li>No limit was set for this result, so it is not judged. The figures below stand for themselves.</li>\n";
+    reasons += "<li>No limit was set for this result, so it is not judged. The figures below stand for themselves; [limits] of the "
+               "job sets limits.</li>\n";
   } else if (worst == VerdictLevel::kOk) {
-    reasons += fmt::format("<li>{} inside {} by more than the uncertainty U (k = 2).</li>\n",
-                           verdicts.size() == 1 ? "The check is" : fmt::format("All {} checks are", verdicts.size()),
-                           verdicts.size() == 1 ? "its limit" : "their limits");
+    const bool tests = std::all_of(verdicts.begin(), verdicts.end(), is_probability);
+    reasons += fmt::format("<li>{} {}.</li>\n",
+                           verdicts.size() == 1 ? "The check keeps its limit" : fmt::format("All {} checks keep their limits", verdicts.size()),
+                           tests ? "at the level of the check" : "by more than the uncertainty U (k = 2)");
   }
   if (warnings > 0) {
     reasons += fmt::format("<li><a href=\"#warnings\">{} warning{}</a> to read.</li>\n", warnings, warnings == 1 ? "" : "s");
@@ -61,19 +73,26 @@ std::string banner(const std::vector<Verdict>& verdicts, std::size_t warnings) {
 }
 
 std::string verdict_table(const std::vector<Verdict>& verdicts) {
-  HtmlTable table(
+  std::string caption =
       "Values held against their limits, after ISO 14253-1: inside by more than U (k = 2) is OK, within U of the limit "
-      "WARNING, outside FAIL.",
-      {{"Check", "", "", false},
-       {"Value", ""},
-       {"Limit", ""},
-       {"Unit", "", "", false},
-       {"Source of the limit", "", "", false},
-       {"Verdict", "", "", false}});
+      "WARNING, outside FAIL.";
+  if (std::any_of(verdicts.begin(), verdicts.end(), is_probability)) {
+    caption += " A p is the probability of a deviation at least this large where nothing has moved; it FAILs where it is below its "
+               "share of the level.";
+  }
+  HtmlTable table(caption, {{"Check", "", "", false},
+                            {"Verdict", "", "", false},
+                            {"Value", ""},
+                            {"Limit", ""},
+                            {"Unit", "", "", false},
+                            {"Source of the limit", "", "", false}});
+  table.as_cards();
   for (const Verdict& verdict : verdicts) {
-    table.add_row({text_cell(verdict.name), number_cell(plain(verdict.value), verdict.value),
-                   number_cell(plain(verdict.limit), verdict.limit), text_cell(verdict.unit), text_cell(verdict.source),
-                   text_cell(std::string(base::verdict_level_name(verdict.level)), level_class(verdict.level))});
+    table.add_row({text_cell(verdict_words(verdict.name), "prose"),
+                   text_cell(std::string(base::verdict_level_name(verdict.level)), level_class(verdict.level)),
+                   number_cell(plain(verdict.value), verdict.value),
+                   number_cell(fmt::format("{}\u00a0{}", is_probability(verdict) ? "\u2265" : "\u2264", plain(verdict.limit)), verdict.limit),
+                   text_cell(verdict.unit), text_cell(verdict.source, "prose")});
   }
   return table.html();
 }
@@ -81,6 +100,7 @@ std::string verdict_table(const std::vector<Verdict>& verdicts) {
 std::string warning_list(const std::vector<base::Warning>& warnings) {
   HtmlTable table("What to look at although there is a result.",
                   {{"Code", "", "", false}, {"Subject", "", "", false}, {"Message", "", "", false}});
+  table.as_cards();
   for (const base::Warning& warning : warnings) {
     table.add_row({text_cell(warning.code), text_cell(warning.subject), text_cell(warning.message, "prose")});
   }
@@ -100,7 +120,7 @@ std::string origin(const ReportContext& context) {
                         context.envelope.inputs.size() == 1 ? "" : "s", table.html());
   }
   if (!context.options_json.empty()) {
-    html += fmt::format("<details><summary>Effective options</summary><pre>{}</pre></details>\n", escape(context.options_json));
+    html += fmt::format("<details><summary>Effective options</summary><pre tabindex=\"0\">{}</pre></details>\n", escape(context.options_json));
   }
   return html;
 }
@@ -187,8 +207,10 @@ std::string Page::html() const {
       "<meta name=\"generator\" content=\"crosstie {}\"/>\n<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n",
       escape(policy), escape(base::version()),
       escape(context_.job.empty() ? context_.title : fmt::format("{} \u2013 {}", context_.job, context_.title)), css);
+  const std::string overview =
+      context_.overview.empty() ? "" : fmt::format("<a class=\"overview\" href=\"{}\">Job overview</a>", escape(context_.overview));
   html += fmt::format(
-      "<header><p class=\"job\">{}</p><h1>{}</h1></header>\n<nav aria-label=\"Contents\"><ul>\n{}</ul></nav>\n<main>\n",
+      "<header><p class=\"job\">{}{}</p><h1>{}</h1></header>\n<nav aria-label=\"Contents\"><ul>\n{}</ul></nav>\n<main>\n", overview,
       escape(context_.job), escape(context_.title), contents);
   html += banner(context_.envelope.verdicts, warnings_.size());
   html += figures_ + body;

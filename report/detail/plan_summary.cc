@@ -185,7 +185,7 @@ std::string plan_rehearsal_section(const base::Rehearsal& rehearsal) {
        {"Mean square", ""},
        {"Lower bound", ""},
        {"Upper bound", ""},
-       {"", "", "", false}});
+       {"Finding", "", "", false}});
   for (const base::RehearsedQuantity& one : rehearsal.quantities) {
     table.add_row({text_cell(one.name), number_cell(std::to_string(one.dof), one.dof),
                    number_cell(fixed(one.square, 2), one.square), number_cell(fixed(one.low, 2), one.low),

@@ -122,13 +122,25 @@ void Plot::band(std::span<const double> x, std::span<const double> low, std::spa
   svg_.polygon(outline, css_class);
 }
 
+void Plot::whisker(double x, double low, double high) {
+  const double from = std::clamp(y_px(low), top_, bottom_);
+  const double to = std::clamp(y_px(high), top_, bottom_);
+  if (from != to) svg_.line(x_px(x), from, x_px(x), to, "whisker");
+}
+
 void Plot::point(double x, double y, std::string_view css_class, std::string_view fill, std::string_view tooltip,
                  double radius_px) {
   svg_.circle(x_px(x), y_px(y), radius_px, css_class, fill, tooltip);
 }
 
 void Plot::legend(std::string_view css_class, std::string_view text) {
-  svg_.line(legend_x_, 13.0, legend_x_ + 18.0, 13.0, css_class);
+  if (css_class.starts_with("band")) {
+    svg_.rect(legend_x_, 8.0, 18.0, 10.0, css_class);
+  } else if (css_class.starts_with("dot")) {
+    svg_.circle(legend_x_ + 9.0, 13.0, 3.0, css_class);
+  } else {
+    svg_.line(legend_x_, 13.0, legend_x_ + 18.0, 13.0, css_class);
+  }
   svg_.text(legend_x_ + 23.0, 17.0, text, "start", "tick");
   legend_x_ += 41.0 + kCharacter_px * static_cast<double>(text.size());
 }

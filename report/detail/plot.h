@@ -52,9 +52,11 @@ class Plot {
   void curve(std::span<const double> x, std::span<const double> y, std::string_view css_class);
   /// The area between two curves over the same x; clipped as curve() is.
   void band(std::span<const double> x, std::span<const double> low, std::span<const double> high, std::string_view css_class);
+  /// An upright bar from low to high, as far as it is in the frame.
+  void whisker(double x, double low, double high);
   void point(double x, double y, std::string_view css_class, std::string_view fill = "", std::string_view tooltip = "",
              double radius_px = 3.0);
-  /// A line of the legend, above the frame; `css_class` as the series has it.
+  /// An entry of the legend, above the frame, looking as the series with that class: a line, a dot or a band.
   void legend(std::string_view css_class, std::string_view text);
   [[nodiscard]] std::string str() const { return svg_.str(); }
 

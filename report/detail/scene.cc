@@ -1,7 +1,10 @@
 #include "report/detail/scene.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <map>
 #include <numbers>
 
@@ -9,6 +12,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "base/base64.h"
 #include "report/detail/html.h"
 #include "report/detail/number.h"
 
@@ -104,7 +108,7 @@ std::string camera_json(const AdjustedImage& image, const AdjustedCamera* camera
 
 std::string scene(const std::vector<std::string>& points, const std::vector<std::string>& cameras,
                   const std::vector<std::string>& bars, const std::string& legend, const std::vector<double>& values,
-                  double magnification, const Orientation& orientation) {
+                  double magnification, const Orientation& orientation, const std::string& more = "") {
   // Single wild values do not take the colours from the rest.
   std::vector<double> sorted = values;
   std::sort(sorted.begin(), sorted.end());
@@ -115,9 +119,38 @@ std::string scene(const std::vector<std::string>& points, const std::vector<std:
   const double low = sorted.empty() ? 0.0 : sorted.front();
   return fmt::format(
       "{{\"points\":{},\n\"cameras\":{},\n\"bars\":{},\n\"legend\":{{\"label\":{},\"min\":{},\"max\":{},\"open\":{}}},\n"
-      "\"magnification\":{},\"up\":{},\"towards\":{}}}",
+      "\"magnification\":{},\"up\":{},\"towards\":{}{}}}",
       list(points), list(cameras), list(bars), json_quoted(legend), number(low), number(high), open, number(magnification),
-      triple(orientation.up), triple(orientation.towards));
+      triple(orientation.up), triple(orientation.towards), more);
+}
+
+/// The scene's member "cloud", with the comma before it.
+std::string cloud_member(const ShownCloud& cloud) {
+  Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Vector3d high = -low;
+  for (const ShownCloud::Point& point : cloud.points) {
+    if (!point.xyz_mm.allFinite()) continue;
+    low = low.cwiseMin(point.xyz_mm);
+    high = high.cwiseMax(point.xyz_mm);
+  }
+  if (!low.allFinite()) return {};
+  const Vector3d centre = (0.5 * (low + high)).array().round();
+  std::string bytes;
+  bytes.reserve(cloud.points.size() * 20);
+  const auto add = [&](double value) {
+    const auto bits = std::bit_cast<std::uint32_t>(static_cast<float>(value));
+    for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(bits >> shift & 0xFFU);
+  };
+  for (const ShownCloud::Point& point : cloud.points) {
+    if (!point.xyz_mm.allFinite()) continue;
+    for (Eigen::Index i = 0; i < 3; ++i) add(point.xyz_mm(i) - centre(i));
+    add(point.value);
+    add(point.sigma);
+  }
+  return fmt::format(
+      ",\n\"cloud\":{{\"centre\":{},\"value\":{},\"unit\":{},\"none\":{},\"sigma\":{},\"sigma_unit\":{},\n\"data\":\"{}\"}}",
+      triple(centre), json_quoted(cloud.value), json_quoted(cloud.unit), json_quoted(cloud.none), json_quoted(cloud.sigma),
+      json_quoted(cloud.sigma_unit), base::base64(bytes));
 }
 
 }  // namespace
@@ -180,7 +213,8 @@ std::string network_scene(const AdjustedNetwork& network, double magnification) 
                facing_as_cameras(network));
 }
 
-std::string points_scene(const std::vector<ShownPoint>& shown, const std::string& legend, double magnification) {
+std::string points_scene(const std::vector<ShownPoint>& shown, const std::string& legend, double magnification,
+                         const ShownCloud& cloud, const std::string& rings) {
   std::vector<std::string> points;
   std::vector<Vector3d> places;
   std::vector<double> values;
@@ -193,7 +227,15 @@ std::string points_scene(const std::vector<ShownPoint>& shown, const std::string
                                  point.cov_mm2.isZero(0.0) ? "[]" : axes_list(ellipsoid_axes(point.cov_mm2)),
                                  number(point.value), quoted_list(point.about), point.ring ? ",\"ring\":true" : ""));
   }
-  return scene(points, {}, {}, legend, values, magnification, facing_thinnest(places));
+  if (!cloud.points.empty()) values.clear();  // the legend is the cloud's
+  for (const ShownCloud::Point& point : cloud.points) {
+    if (!point.xyz_mm.allFinite()) continue;
+    places.push_back(point.xyz_mm);
+    if (std::isfinite(point.value)) values.push_back(point.value);
+  }
+  std::string more = cloud.points.empty() ? "" : cloud_member(cloud);
+  if (!rings.empty()) more += fmt::format(",\n\"rings\":{}", json_quoted(rings));
+  return scene(points, {}, {}, legend, values, magnification, facing_thinnest(places), more);
 }
 
 std::string verification_scene(const base::Verification& verification, double magnification) {
@@ -224,18 +266,16 @@ std::string cloud_scene(const std::vector<Eigen::Vector4d>& cloud) {
   std::vector<double> sigmas;
   for (const Eigen::Vector4d& point : cloud) sigmas.push_back(point.w());
   const LengthUnit unit = unit_for_lengths(sigmas);
-  std::vector<std::string> points;
+  ShownCloud shown;
+  shown.sigma_unit = unit.name;
   std::vector<double> values;
   for (const Eigen::Vector4d& point : cloud) {
     if (!point.allFinite()) continue;
     values.push_back(point.w() * unit.per_mm);
-    points.push_back(
-        fmt::format("{{\"id\":\"\",\"p\":{},\"axes\":[],\"value\":{},\"about\":{},\"seen\":[]}}", triple(point.head<3>()),
-                    number(values.back()),
-                    quoted_list({fmt::format("{} {} {} mm", fixed(point.x(), 2), fixed(point.y(), 2), fixed(point.z(), 2)),
-                                 fmt::format("sigma {} {}", significant(values.back(), 2), unit.name)})));
+    shown.points.push_back({point.head<3>(), values.back(), values.back()});
   }
-  return scene(points, {}, {}, fmt::format("Sigma [{}]", unit.name), values, 1.0, {Vector3d::UnitZ(), -Vector3d::UnitY()});
+  return scene({}, {}, {}, fmt::format("Sigma [{}]", unit.name), values, 1.0, {Vector3d::UnitZ(), -Vector3d::UnitY()},
+               cloud_member(shown));
 }
 
 }  // namespace crosstie::report::detail

@@ -28,7 +28,24 @@ struct ShownPoint {
   std::vector<std::string> about;                     ///< lines of its tooltip
   bool ring = false;
 };
-std::string points_scene(const std::vector<ShownPoint>& shown, const std::string& legend, double magnification);
+
+/// Points by the hundred thousand, without names: they are stored in single precision about their middle.
+struct ShownCloud {
+  struct Point {
+    Eigen::Vector3d xyz_mm = Eigen::Vector3d::Zero();
+    double value = 0.0;  ///< its colour; NaN: grey
+    double sigma = 0.0;  ///< NaN: not told
+  };
+  std::vector<Point> points;
+  std::string value;  ///< what the value is, in words; empty: the sigma itself
+  std::string unit;   ///< of the value
+  std::string none;   ///< what is said of a point without a value
+  std::string sigma = "sigma";
+  std::string sigma_unit = "mm";
+};
+/// Named points, those of the cloud, or both; the colours of both are of one legend. `rings`: what the points drawn as rings are.
+std::string points_scene(const std::vector<ShownPoint>& shown, const std::string& legend, double magnification,
+                         const ShownCloud& cloud = {}, const std::string& rings = "");
 
 /// The three semi-axes (one sigma) of a covariance's ellipsoid as columns; zero where it is not finite.
 Eigen::Matrix3d ellipsoid_axes(const Eigen::Matrix3d& cov);

@@ -64,11 +64,11 @@ std::string overlap_map(const Stitching& stitching) {
   const double margin = 0.05 * std::max(high_x - low_x, high_y - low_y);
   Plot plot("Differences of overlapping surfaces", "First minus second station along the normal, mean of each cell",
             make_axis(low_x - margin, high_x + margin), make_axis(low_y - margin, high_y + margin), "along the row [mm]",
-            "across [mm]", {.width_px = 900.0, .equal_scale = true});
+            "across [mm]", {.width_px = 760.0, .equal_scale = true});
   for (const auto& [overlap, cell] : cells) {
     const double share = range > 0.0 ? cell->difference_mm / range : 0.0;
     const auto name = [&](int k) { return stitching.stations[static_cast<std::size_t>(k)].name; };
-    plot.point(across.dot(cell->centre_mm - mean), up.dot(cell->centre_mm - mean), "cell", diverging_colour(share),
+    plot.point(across.dot(cell->centre_mm - mean), up.dot(cell->centre_mm - mean), "spot", diverging_colour(share),
                fmt::format("{} minus {}: {}", name(overlap->a), name(overlap->b),
                            with_sigma(cell->difference_mm * unit.per_mm, cell->sigma_mm * unit.per_mm, unit.name)),
                6.0);
@@ -113,27 +113,27 @@ std::string stitching_overlap_section(const Stitching& stitching) {
 }
 
 std::string stitching_scene(const Stitching& stitching, const base::Cloud& merged) {
-  constexpr std::size_t kMost = 4000;  // of the cloud: more make the page slow
-  const std::vector<double>* difference = nullptr;
-  const std::vector<double>* stations = nullptr;
-  for (const base::CloudField& field : merged.fields) {
-    if (field.name == "difference") difference = &field.values;
-    if (field.name == "stations") stations = &field.values;
+  constexpr std::size_t kMost = 200000;  // of the cloud: a browser opens them in less than two seconds
+  const auto field = [&](const char* name) -> const std::vector<double>* {
+    for (const base::CloudField& one : merged.fields) {
+      if (one.name == name) return &one.values;
+    }
+    return nullptr;
+  };
+  const std::vector<double>* difference = field("difference");
+  ShownCloud cloud;
+  cloud.value = "stations differ by";
+  cloud.unit = "sigmas";
+  cloud.none = "seen by one station";
+  cloud.sigma = "sigma in its worst direction";
+  const std::size_t every = (merged.points.size() + kMost - 1) / kMost;
+  for (std::size_t i = 0; i < merged.points.size(); i += every) {
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    const double differs = difference != nullptr ? std::abs((*difference)[i]) : kNone;
+    cloud.points.push_back({merged.points[i], differs > 0.0 ? differs : kNone,
+                            i < merged.cov_mm2.size() ? largest_sigma(merged.cov_mm2[i]) : kNone});
   }
   std::vector<ShownPoint> shown;
-  const std::size_t every = std::max<std::size_t>(1, merged.points.size() / kMost);
-  for (std::size_t i = 0; i < merged.points.size(); i += every) {
-    ShownPoint& point = shown.emplace_back();
-    point.xyz_mm = merged.points[i];
-    if (stations != nullptr) point.about.push_back(fmt::format("seen from {} stations", (*stations)[i]));
-    if (difference != nullptr) {
-      point.value = std::abs((*difference)[i]);
-      if (point.value > 0.0) point.about.push_back(fmt::format("they differ by {} sigmas", fixed(point.value, 1)));
-    }
-    if (i < merged.cov_mm2.size())
-      point.about.push_back(
-          fmt::format("sigma {} mm in its worst direction", significant(largest_sigma(merged.cov_mm2[i]), 2)));
-  }
   std::vector<double> sigmas;
   for (const base::StitchedMarker& marker : stitching.markers) {
     ShownPoint& point = shown.emplace_back();
@@ -147,7 +147,7 @@ std::string stitching_scene(const Stitching& stitching, const base::Cloud& merge
   }
   constexpr double kShown_mm = 20.0;  // length of a usual marker's semi-axis to begin with
   const double usual = sigmas.empty() ? 0.0 : median(sigmas);
-  return points_scene(shown, "Stations differ [sigmas]", usual > 0.0 ? kShown_mm / usual : 1.0);
+  return points_scene(shown, "Stations differ [sigmas]", usual > 0.0 ? kShown_mm / usual : 1.0, cloud, "markers");
 }
 
 }  // namespace crosstie::report::detail

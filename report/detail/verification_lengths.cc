@@ -24,7 +24,8 @@ std::string length_plot(const std::vector<LengthDeviation>& lengths, const Lengt
   double highest = 0.0;
   for (const LengthDeviation& length : lengths) {
     longest = std::max(longest, length.nominal_mm);
-    highest = std::max({highest, std::abs(error_mm(length)) * unit.per_mm, length.mpe_mm * unit.per_mm});
+    const double reach = std::abs(error_mm(length)) + 2.0 * std::max(0.0, length.sigma_mm);
+    highest = std::max({highest, (std::isfinite(reach) ? reach : 0.0) * unit.per_mm, length.mpe_mm * unit.per_mm});
   }
   Plot plot("Length errors over length", fmt::format("{} test lengths with the maximum permissible error", lengths.size()),
             make_axis(0.0, longest, 8), make_axis(-highest, highest, 8), "length of the reference [mm]",
@@ -35,8 +36,7 @@ std::string length_plot(const std::vector<LengthDeviation>& lengths, const Lengt
     const double error = error_mm(length);
     const bool outside = std::abs(error) > length.mpe_mm;
     if (!dense && length.sigma_mm > 0.0) {
-      plot.svg().line(plot.x_px(length.nominal_mm), plot.y_px((error - 2.0 * length.sigma_mm) * unit.per_mm),
-                      plot.x_px(length.nominal_mm), plot.y_px((error + 2.0 * length.sigma_mm) * unit.per_mm), "whisker");
+      plot.whisker(length.nominal_mm, (error - 2.0 * length.sigma_mm) * unit.per_mm, (error + 2.0 * length.sigma_mm) * unit.per_mm);
     }
     plot.point(length.nominal_mm, error * unit.per_mm,
                outside ? "dot out"

@@ -155,7 +155,7 @@ std::string verification_fit_section(const Verification& verification) {
          paragraph(
              "Rotations are about the fixed axes x, then y, then z (R = Rz Ry Rx). reference_from_measured, translation in mm:",
              "muted") +
-         "<pre>" + escape(matrix) + "</pre>\n";
+         "<pre tabindex=\"0\">" + escape(matrix) + "</pre>\n";
 }
 
 std::string verification_partners_section(const Verification& verification) {

@@ -67,7 +67,8 @@ export function makePanel(scene: Scene, events: PanelEvents): HTMLElement {
   const label = element('label', 'viewer-slider');
   const hasArrows = scene.points.some((point) => point.d);
   label.append(element('span', '', hasArrows ? 'Magnification' : 'Ellipsoids (1 sigma)'), slider, factor);
-  panel.append(label);
+  const hasEllipsoids = scene.points.some((point) => point.axes.length > 0);
+  if (hasArrows || hasEllipsoids) panel.append(label);
 
   const toggle = (text: string, what: Parameters<PanelEvents['show']>[0], on: boolean) => {
     const box = element('input', '');
@@ -78,16 +79,16 @@ export function makePanel(scene: Scene, events: PanelEvents): HTMLElement {
     wrap.append(box, element('span', '', text));
     panel.append(wrap);
   };
-  toggle('Ids', 'labels', true);
+  if (scene.points.some((point) => point.id)) toggle('Ids', 'labels', true);
   if (scene.cameras.length > 0) toggle('Cameras', 'cameras', true);
   if (scene.cameras.length > 0) toggle('All rays', 'rays', false);
   if (hasArrows) toggle('Deviations', 'arrows', true);
-  if (scene.points.some((point) => point.axes.length > 0)) toggle('Ellipsoids', 'ellipsoids', true);
+  if (hasEllipsoids) toggle('Ellipsoids', 'ellipsoids', true);
   const reset = element('button', 'viewer-button', 'Reset view');
   reset.type = 'button';
   reset.addEventListener('click', () => events.reset());
-  panel.append(reset, legend(scene));
-  if (scene.points.some((point) => point.ring)) panel.append(element('span', 'viewer-note', 'Rings: targets without a code'));
+  panel.append(reset, element('span', 'viewer-note', 'A click on a point tells its value and sigma'), legend(scene));
+  if (scene.points.some((point) => point.ring)) panel.append(element('span', 'viewer-note', `Rings: ${scene.rings ?? 'targets without a code'}`));
   tell();
   return panel;
 }

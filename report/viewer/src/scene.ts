@@ -34,8 +34,26 @@ export interface SceneBar {
   name: string;
 }
 
+/** Many points without names. */
+export interface SceneCloud {
+  /** Taken off the coordinates, which are single precision. */
+  centre: Triple;
+  /** Base64 of little-endian single-precision numbers: x, y, z less the centre [mm], value and sigma of each point; not finite: none. */
+  data: string;
+  /** What the value is, in words, and its unit; what is said of a point without one. Empty: the value is the sigma. */
+  value: string;
+  unit: string;
+  none: string;
+  /** What the sigma is. */
+  sigma: string;
+  sigma_unit: string;
+}
+
 export interface Scene {
   points: ScenePoint[];
+  cloud?: SceneCloud;
+  /** What the points drawn as rings are. */
+  rings?: string;
   cameras: SceneCamera[];
   bars: SceneBar[];
   /** `open`: values beyond max have its colour too. */

@@ -161,6 +161,15 @@ export class Stage {
     this.render();
   }
 
+  still(): void {
+    const picture = document.createElement('img');
+    picture.src = this.renderer.domElement.toDataURL('image/png');
+    picture.alt = '3D view';
+    this.renderer.domElement.replaceWith(picture);
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+  }
+
   render(): void {
     this.camera.lookAt(this.controls.target);
     this.lamp.position.copy(this.camera.position);

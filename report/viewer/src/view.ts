@@ -1,17 +1,21 @@
 import { type BufferGeometry, type LineSegments, type Material, Vector3 } from 'three';
+import { Cloud, farthest } from './cloud';
 import { Labels } from './labels';
 import { makeAllRays, makeArrows, makeBars, makeCameras, makeEllipsoids, makePoints, makeRays } from './objects';
 import { makePanel } from './panel';
-import type { Scene } from './scene';
+import type { Scene, Triple } from './scene';
 import { Stage, nearest } from './stage';
 
 const pickRadiusPx = 14;
+const placesToFit = 4000;
 
 export class View {
   private readonly stage: Stage;
   private readonly labels: Labels;
-  private readonly ellipsoids: ReturnType<typeof makeEllipsoids>;
+  private readonly ellipsoids: ReturnType<typeof makeEllipsoids> | undefined;
+  private readonly cloud: Cloud | undefined;
   private readonly about = document.createElement('div');
+  private readonly mark = document.createElement('div');
   private cameras: LineSegments | undefined;
   private bars: LineSegments | undefined;
   private arrows: LineSegments | undefined;
@@ -29,15 +33,23 @@ export class View {
     this.labels = new Labels(scene);
     this.stage = new Stage(
       '3D view. Arrow keys turn, plus and minus zoom, n and p step through the points, Escape deselects, 0 resets.', {
-        drawn: (camera, width, height) => this.labels.place(camera, width, height, this.selected),
-        tapped: (x, y) => this.select(nearest(this.stage, this.scene.points.map((point) => point.p), x, y, pickRadiusPx)),
+        drawn: (camera, width, height) => {
+          this.labels.place(camera, width, height, this.selected);
+          this.placeMark(width, height);
+        },
+        tapped: (x, y) => this.select(this.pointAt(x, y)),
         key: (key) => this.key(key),
         themed: () => this.themed(),
       });
-    this.stage.element.append(this.labels.layer, this.about);
-    this.ellipsoids = makeEllipsoids(scene);
-    this.stage.world.add(makePoints(scene), this.ellipsoids.mesh);
-    this.measure();
+    this.mark.className = 'viewer-mark';
+    this.mark.hidden = true;
+    this.stage.element.append(this.labels.layer, this.mark, this.about);
+    if (scene.cloud) this.cloud = new Cloud(scene);
+    if (this.cloud) this.stage.world.add(this.cloud.points);
+    if (scene.points.length > 0) this.stage.world.add(makePoints(scene));
+    if (scene.points.some((point) => point.axes.length > 0)) this.ellipsoids = makeEllipsoids(scene);
+    if (this.ellipsoids) this.stage.world.add(this.ellipsoids.mesh);
+    this.radius = farthest(this.places());
     const panel = makePanel(scene, {
       magnify: (value) => this.magnify(value),
       show: (what, visible) => this.show(what, visible),
@@ -49,10 +61,37 @@ export class View {
     this.stage.start();
   }
 
-  private measure(): void {
-    const centre = new Vector3();
-    for (const point of this.scene.points) centre.addScaledVector(new Vector3(...point.p), 1 / this.scene.points.length);
-    for (const point of this.scene.points) this.radius = Math.max(this.radius, centre.distanceTo(new Vector3(...point.p)));
+  /** Points, and as many of the cloud as tell its extent. */
+  private places(): Triple[] {
+    return [...this.scene.points.map((point) => point.p), ...(this.cloud?.some(placesToFit) ?? [])];
+  }
+
+  /** Those of the cloud come after the named ones. */
+  private get count(): number {
+    return this.scene.points.length + (this.cloud?.count ?? 0);
+  }
+
+  private placeOf(index: number): Triple {
+    return this.scene.points[index]?.p ?? this.cloud!.place(index - this.scene.points.length);
+  }
+
+  private pointAt(x: number, y: number): number {
+    const named = nearest(this.stage, this.scene.points.map((point) => point.p), x, y, pickRadiusPx);
+    if (named >= 0 || !this.cloud) return named;
+    const found = this.cloud.nearest(this.stage.camera, this.stage.width, this.stage.height, x, y, pickRadiusPx);
+    return found.index < 0 ? -1 : found.index + this.scene.points.length;
+  }
+
+  private placeMark(width: number, height: number): void {
+    this.mark.hidden = this.selected < 0;
+    if (this.selected < 0) return;
+    const at = new Vector3(...this.placeOf(this.selected)).project(this.stage.camera);
+    this.mark.style.transform = `translate(${((at.x * 0.5 + 0.5) * width).toFixed(1)}px, ${((-at.y * 0.5 + 0.5) * height).toFixed(1)}px)`;
+  }
+
+  /** A picture in place of the view: for paper, where nothing turns, and a browser keeps only so many views. */
+  still(): void {
+    this.stage.still();
   }
 
   private key(key: string): boolean {
@@ -64,15 +103,16 @@ export class View {
   }
 
   private step(by: number): void {
-    const count = this.scene.points.length;
+    const count = this.count;
     if (count > 0) this.select((this.selected + by + count + (this.selected < 0 && by < 0 ? 1 : 0)) % count);
   }
 
   private select(index: number): void {
     this.selected = index;
     this.rays = this.exchange(this.rays, index >= 0 ? makeRays(this.scene, index) : undefined);
-    const point = this.scene.points[index];
-    this.about.replaceChildren(...(point?.about ?? []).map((line, i) => {
+    const named = this.scene.points[index];
+    const about = named?.about ?? (index < 0 ? [] : this.cloud!.about(index - this.scene.points.length));
+    this.about.replaceChildren(...about.map((line, i) => {
       const made = document.createElement(i === 0 ? 'strong' : 'span');
       made.textContent = line;
       return made;
@@ -91,7 +131,7 @@ export class View {
   }
 
   private magnify(value: number): void {
-    this.ellipsoids.place(value);
+    this.ellipsoids?.place(value);
     this.arrows = this.exchange(this.arrows, makeArrows(this.scene, value));
     this.arrows!.visible = this.showArrows;
     this.stage.render();
@@ -99,7 +139,7 @@ export class View {
 
   private show(what: 'labels' | 'cameras' | 'rays' | 'ellipsoids' | 'arrows', visible: boolean): void {
     if (what === 'labels') this.labels.layer.hidden = !visible;
-    if (what === 'ellipsoids') this.ellipsoids.mesh.visible = visible;
+    if (what === 'ellipsoids' && this.ellipsoids) this.ellipsoids.mesh.visible = visible;
     if (what === 'cameras') this.showCameras = visible;
     if (what === 'arrows') this.showArrows = visible;
     if (what === 'rays') this.drawRays(visible);
@@ -127,7 +167,7 @@ export class View {
 
   /** Looks at the points from the side that the report names, as near as all of points and cameras can be seen. */
   private reset(): void {
-    const places = [...this.scene.points.map((point) => point.p), ...this.scene.cameras.map((camera) => camera.centre)];
+    const places = [...this.places(), ...this.scene.cameras.map((camera) => camera.centre)];
     this.stage.fit(places, this.scene.up, this.scene.towards, this.scene.cameras.length > 0 ? 0.9 : 0.35);
   }
 }
