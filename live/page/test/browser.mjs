@@ -8,12 +8,12 @@ export const sizes = { wide: { width: 1280, height: 800 }, narrow: { width: 390,
 let browser = null;
 let open = 0;
 
-export async function openPage(server, { viewport = sizes.wide, token = true, flags = [], before = [] } = {}) {
+export async function openPage(server, { viewport = sizes.wide, token = true, flags = [], before = [], bypassCSP = false } = {}) {
   if (!executable) throw new Error('no chromium: apt-get install chromium');
   const own = flags.length > 0;
   const used = own ? await launch(flags) : (browser ??= await launch([]));
   open++;
-  const context = await used.newContext({ viewport, reducedMotion: 'reduce' });
+  const context = await used.newContext({ viewport, reducedMotion: 'reduce', bypassCSP });
   for (const script of before) await context.addInitScript(script);
   const page = await context.newPage();
   const complaints = [];
