@@ -6,6 +6,7 @@
 #include "app/verb.h"
 #include "fixtures/scene.h"
 #include "fixtures/simulate.h"
+#include "fixtures/varied.h"
 
 namespace crosstie::app {
 namespace {
@@ -28,7 +29,8 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   fixtures::SimulateOptions options;
   options.seed = static_cast<std::uint64_t>(seed->value_or(1));
   options.threads = session.threads();
-  if (auto done = fixtures::simulate(*scene, job, options, session.progress()); !done) return tl::unexpected(done.error());
+  const fixtures::Scene shown = arguments.has("--vary") ? fixtures::varied(*scene, options.seed) : *scene;
+  if (auto done = fixtures::simulate(shown, job, options, session.progress()); !done) return tl::unexpected(done.error());
   session.print((job / "job.toml").string());
   return Outcome::kOk;
 }
@@ -44,6 +46,7 @@ Verb simulate_verb() {
             fmt::format("a built-in scene ({}) or a scene description, FILE.toml", fmt::join(fixtures::scene_names(), ", ")),
             true, false, 1, fixtures::scene_names()},
            {"--seed", "N", "seed of all noise (default 1)", false, false},
+           {"--vary", "", "by the seed also another machine, head, board, cross and wall than the scene's own", false, false},
            {"--out", "JOB", "job folder to make; may exist, without a job.toml", true, false}},
           run};
 }
