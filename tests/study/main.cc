@@ -2,6 +2,7 @@
 //
 //     study LINES.jsonl FIRST LAST [THREADS]      does the seeds that the file does not have
 //     study --compare SEED JOB                    the line of a job that lies there (simulate --scene study --vary --seed SEED, run)
+//     study --sampled FIRST LAST                  the machine's frame alone, from image points that are drawn
 //     study --summarise LINES.jsonl DOCS          tables and plots into DOCS/accuracy.md and DOCS/pictures
 
 #include <sys/resource.h>
@@ -19,6 +20,7 @@
 #include "fixtures/simulate.h"
 #include "fixtures/varied.h"
 #include "tests/study/comparison.h"
+#include "tests/study/sampled.h"
 #include "tests/study/summary.h"
 #include "tests/support/program.h"
 
@@ -108,6 +110,8 @@ int run(const fs::path& file, std::uint64_t first, std::uint64_t last, int threa
 int main(int count, char** words) {
   const std::vector<std::string> arguments(words + 1, words + count);
   if (arguments.size() == 3 && arguments[0] == "--summarise") return crosstie::study::summarise(arguments[1], arguments[2]);
+  if (arguments.size() == 3 && arguments[0] == "--sampled")
+    return crosstie::study::sampled_frames(std::stoull(arguments[1]), std::stoull(arguments[2]));
   if (arguments.size() == 3 && arguments[0] == "--compare") {
     const std::uint64_t seed = std::stoull(arguments[1]);
     const auto scene = crosstie::fixtures::make_scene("study");
