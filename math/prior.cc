@@ -8,8 +8,8 @@
 namespace crosstie::math {
 
 base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std::string& name) {
-  constexpr double kSingular = 1e-12;  // over the largest eigenvalue: rounding of a direction without variance
-  constexpr double kExact = 1e-6;      // over the least variance
+  constexpr double kRounding = 1e-10;  // over the largest eigenvalue: below, a direction without variance may have been rounded to it
+  constexpr double kExact = 1e-4;      // over the least variance beyond that; less loses digits where a growth moves what is exact
   if (cov.size() == 0) return Eigen::MatrixXd(0, 0);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(cov);
   Eigen::VectorXd values = eigen.eigenvalues();
@@ -17,8 +17,8 @@ base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std
   if (!(largest > 0.0) || values.minCoeff() < -1e-9 * largest) {
     return base::fail(base::ErrorCode::kBadInput, name + ": the covariance is not positive semi-definite");
   }
-  const double least = *std::find_if(values.begin(), values.end(), [&](double v) { return v > kSingular * largest; });
-  values = values.unaryExpr([&](double v) { return v > kSingular * largest ? v : kExact * least; });
+  const double least = *std::find_if(values.begin(), values.end(), [&](double v) { return v > kRounding * largest; });
+  values = values.cwiseMax(kExact * least);
   return Eigen::MatrixXd(values.cwiseSqrt().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose());
 }
 

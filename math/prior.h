@@ -9,7 +9,7 @@
 
 namespace crosstie::math {
 
-/// The root of the inverse of a covariance; directions without variance (a datum) get a thousandth of the least sigma. kBadInput,
+/// The root of the inverse of a covariance; directions without variance (a datum) get a hundredth of the least sigma. kBadInput,
 /// beginning with `name`, where the covariance is not positive semi-definite.
 base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std::string& name);
 

@@ -28,6 +28,10 @@ using detail::Site;
 using detail::Sites;
 using detail::StepProfile;
 
+/// Of a step between sides that were taken for even, per relative change of brightness per px of one side [px^2]: by least squares over 7 px to
+/// each side, nearly the same for all blurs that cameras have.
+constexpr double kShiftBySlope = 3.8;
+
 /// The number of steps that a piece and its neighbours agree on; 0: none was found.
 std::size_t steps_of(const Sites& sites, const Site& site) {
   std::size_t best = site.fits[0] ? 1 : 0;
@@ -63,16 +67,18 @@ std::optional<base::EdgePixel> edge_of(const Sites& sites, const Site& site, con
   // Steps near each other lean on the point spread.
   double by_blur = 0.0;
   if (steps > 1) {
-    images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
+    images.read_even(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, blur.px, samples);
     StepProfile wider;
     constexpr double kWider = 1.05;
     const bool fits = detail::fit_steps(samples.profile, samples.noise_sigma, kWider * blur.px,
                                         std::span(fit.at_px).first(steps), kConverged_px, wider);
+    if (fits) wider.at_px[0] -= detail::modulation_shift(wider, site.images, samples.phase_slope_turns, blur.px);
     by_blur = fits ? (wider.at_px[0] - fit.at_px[0]) / (kWider - 1.0) * blur.relative_sigma : 0.5 * blur.px;
   }
   edge.noise_px = std::sqrt(fit.noise_cov_px2(0, 0));
+  const double by_light = kShiftBySlope * site.light_slope_sigma;
   edge.sigma_px = std::max(edge.noise_px, std::sqrt(fit.cov_px2(0, 0) * grain * std::max(1.0, fit.disagreement) +
-                                                    fit.band_variance_px2 + by_blur * by_blur));
+                                                    fit.band_variance_px2 + by_blur * by_blur + by_light * by_light));
   if (!(edge.sigma_px < 1.0) || edge.at_px.minCoeff() < 0.0) return std::nullopt;
   const auto kind = detail::classify_edge(*input.phases, input.depth_mm, images, frame, edge.band_px);
   if (!kind) return std::nullopt;
@@ -145,7 +151,7 @@ Result<base::EdgePixels> find_edges(const EdgeInput& input, const EdgeOptions& o
   if (!blur) return tl::unexpected(blur.error());
   result.blur_px = blur->px;
   done = detail::for_sites(sites.all, options.threads, "edges", progress, [&](std::size_t i, PieceSamples& samples) {
-    detail::fit_site(sites.all[i], images, options, result.blur_px, detail::kMostSteps, samples);
+    detail::fit_site(sites.all[i], images, options, result.blur_px, detail::kMostSteps, samples, true);
   });
   if (!done) return fail(std::move(done));
   std::vector<std::optional<base::EdgePixel>> edges(sites.all.size());

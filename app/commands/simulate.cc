@@ -7,6 +7,7 @@
 #include "app/verb.h"
 #include "fixtures/scene.h"
 #include "fixtures/simulate.h"
+#include "fixtures/varied.h"
 
 namespace crosstie::app {
 namespace {
@@ -31,7 +32,8 @@ Result<Outcome> run(const Arguments& arguments, Session& session) {
   fixtures::SimulateOptions options;
   options.seed = static_cast<std::uint64_t>(seed->value_or(1));
   options.threads = session.threads();
-  if (auto done = fixtures::simulate(*scene, folder->path(), options, session.progress()); !done)
+  const fixtures::Scene shown = arguments.has("--vary") ? fixtures::varied(*scene, options.seed) : *scene;
+  if (auto done = fixtures::simulate(shown, folder->path(), options, session.progress()); !done)
     return base::fail(std::move(done));
   if (auto done = folder->commit(); !done) return base::fail(std::move(done));
   session.print((job / "job.toml").string());
@@ -49,6 +51,7 @@ Verb simulate_verb() {
             fmt::format("a built-in scene ({}) or a scene description, FILE.toml", fmt::join(fixtures::scene_names(), ", ")),
             true, false, 1, fixtures::scene_names()},
            {"--seed", "N", "seed of all noise (default 1)", false, false},
+           {"--vary", "", "by the seed also another machine, head, board, cross and wall than the scene's own", false, false},
            {"--out", "JOB", "job folder to make; may exist, empty", true, false}},
           run};
 }

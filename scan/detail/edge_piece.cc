@@ -28,6 +28,38 @@ std::vector<float> levels_of(const base::ImageView& view) {
   return levels;
 }
 
+/// The line through the levels of one image on one side of an edge.
+struct SideLine {
+  std::size_t count = 0;
+  double at_edge = 0.0, slope = 0.0;
+  double spread = 0.0;    ///< sum of the squared distances from their mean
+  double variance = 0.0;  ///< of a level round the line
+};
+
+SideLine line_of(const ProfileSamples& profile, std::size_t image, double from_px, double to_px) {
+  double n = 0.0, t = 0.0, tt = 0.0, y = 0.0, ty = 0.0, yy = 0.0;
+  for (std::size_t i = 0; i < profile.size(); ++i) {
+    const double across = profile.across_px(i);
+    if (across < from_px || across > to_px) continue;
+    const double level = profile.level(image, i);
+    n += 1.0;
+    t += across;
+    tt += across * across;
+    y += level;
+    ty += across * level;
+    yy += level * level;
+  }
+  SideLine line;
+  line.count = static_cast<std::size_t>(n);
+  if (n < 3.0) return line;
+  line.spread = tt - t * t / n;
+  if (!(line.spread > 0.0)) return {};
+  line.slope = (ty - t * y / n) / line.spread;
+  line.at_edge = (y - line.slope * t) / n + profile.origin(image);
+  line.variance = std::max(0.0, (yy - y * y / n - line.slope * line.slope * line.spread) / (n - 2.0));
+  return line;
+}
+
 }  // namespace
 
 EdgeImages::EdgeImages(const base::PhaseMap& map, const base::Image* white) : map_(&map), plane_(map.x ? &*map.x : &*map.y) {
@@ -48,7 +80,7 @@ EdgeImages::EdgeImages(const base::PhaseMap& map, const base::Image* white) : ma
 std::size_t EdgeImages::read(const PieceFrame& frame, double half_piece_px, double from_px, double to_px,
                              PieceSamples& samples) const {
   samples.profile.clear();
-  const bool differ = phases_differ(frame, half_piece_px, from_px, to_px, samples.sides);
+  const bool differ = phases_differ(frame, half_piece_px, from_px, to_px, samples.sides, samples.phase_slope_turns);
   bool white = !white_.empty();
   std::size_t seen = 0;
   double light_sum = 0.0, white_sum = 0.0;
@@ -74,8 +106,34 @@ std::size_t EdgeImages::read(const PieceFrame& frame, double half_piece_px, doub
   return images;
 }
 
+std::size_t EdgeImages::read_even(const PieceFrame& frame, double half_piece_px, double from_px, double to_px, double blur_px,
+                                  PieceSamples& samples) const {
+  constexpr double kClear_blurs = 3.5;  // of the edge itself
+  constexpr double kMost = 0.03;        // per px; more is paint
+  constexpr double kFallOff = 0.004;    // per px, what may be expected
+  constexpr std::size_t kLeast = 20;
+  samples.light_slope_sigma = 0.0;
+  const std::size_t images = read(frame, half_piece_px, from_px, to_px, samples);
+  if (images == 0) return 0;
+  ProfileSamples& profile = samples.profile;
+  const double clear_px = kClear_blurs * blur_px;
+  const SideLine before = line_of(profile, 0, from_px, -clear_px);
+  if (before.count < kLeast || !(before.at_edge > 0.0) || std::abs(before.slope) > kMost * before.at_edge) return images;
+  // Grain is seen through the point spread: pixels within it vary together.
+  const double own = samples.noise_sigma[0] * samples.noise_sigma[0];
+  const double together = std::max(1.0, 4.0 * std::numbers::pi * blur_px * blur_px);
+  const double grain = std::max(0.0, before.variance - own) * together;
+  // Grain imitates slopes; light falls off by some tenths of a per cent per px.
+  const double variance = (own + grain) / before.spread / (before.at_edge * before.at_edge);
+  const double share = kFallOff * kFallOff / (kFallOff * kFallOff + variance);
+  samples.light_slope_sigma = std::sqrt(share * variance);
+  profile.even_out(share * before.slope / before.at_edge);
+  profile.finish(images);
+  return images;
+}
+
 bool EdgeImages::phases_differ(const PieceFrame& frame, double half_piece_px, double from_px, double to_px,
-                               std::array<PieceSamples::Side, 2>& sides) const {
+                               std::array<PieceSamples::Side, 2>& sides, double& slope) const {
   constexpr double kMixed_px = 3.0;
   constexpr double kLit = 0.3;          // of the other side's modulation
   constexpr double kSame_turns = 0.05;  // mixed light is then hardly weaker
@@ -93,10 +151,8 @@ bool EdgeImages::phases_differ(const PieceFrame& frame, double half_piece_px, do
     side.across_px.push_back(t);
     side.phases.push_back(plane_->turns[at]);
   });
-  if (sides[0].phases.size() < kLeast || sides[1].phases.size() < kLeast) return false;
-  const double before = middle(sides[0].modulations);
-  const double beyond = middle(sides[1].modulations);
-  if (std::min(before, beyond) < kLit * std::max(before, beyond)) return false;
+  slope = 0.0;
+  if (sides[0].phases.size() < kLeast) return false;
   // The material side's slope is taken off: its own change is no jump.
   double tt = 0.0, tp = 0.0, t_sum = 0.0, p_sum = 0.0;
   const auto count = static_cast<double>(sides[0].phases.size());
@@ -108,7 +164,11 @@ bool EdgeImages::phases_differ(const PieceFrame& frame, double half_piece_px, do
     p_sum += sides[0].phases[i];
   }
   const double determinant = count * tt - t_sum * t_sum;
-  const double slope = determinant > 1e-9 ? (count * tp - t_sum * p_sum) / determinant : 0.0;
+  slope = determinant > 1e-9 ? (count * tp - t_sum * p_sum) / determinant : 0.0;
+  if (sides[1].phases.size() < kLeast) return false;
+  const double before = middle(sides[0].modulations);
+  const double beyond = middle(sides[1].modulations);
+  if (std::min(before, beyond) < kLit * std::max(before, beyond)) return false;
   for (PieceSamples::Side& side : sides) {
     for (std::size_t i = 0; i < side.phases.size(); ++i) side.phases[i] -= slope * side.across_px[i];
   }

@@ -27,6 +27,8 @@ struct PieceFrame {
 struct PieceSamples {
   ProfileSamples profile;
   std::array<double, kMostEdgeImages> noise_sigma = {};  ///< of the camera, in each image
+  double phase_slope_turns = 0.0;                        ///< per px across the edge, of the material side
+  double light_slope_sigma = 0.0;  ///< of the relative change of brightness per px that was taken off the material side
 
   /// Pixels to one side of the edge.
   struct Side {
@@ -49,11 +51,16 @@ class EdgeImages {
   /// saturated, the modulation not where both sides are lit with different phases: mixed, they are weaker than either); 0 where too few
   /// pixels do.
   std::size_t read(const PieceFrame& frame, double half_piece_px, double from_px, double to_px, PieceSamples& samples) const;
+  /// The same about an edge that is known to some tenths of a pixel, whose point spread is `blur_px`: a steady change of brightness on the
+  /// material side is taken off. Levels that step between even sides would be 3.8 times its relative change per px too far out, towards
+  /// where it becomes brighter (with 7 px to each side): 0.01 px where a projector's light falls off by 0.25 % per px.
+  std::size_t read_even(const PieceFrame& frame, double half_piece_px, double from_px, double to_px, double blur_px,
+                        PieceSamples& samples) const;
 
  private:
-  /// Whether both sides of a piece are lit with different phases.
+  /// Whether both sides of a piece are lit with different phases; `slope` becomes the material side's, in turns per px.
   [[nodiscard]] bool phases_differ(const PieceFrame& frame, double half_piece_px, double from_px, double to_px,
-                                   std::array<PieceSamples::Side, 2>& sides) const;
+                                   std::array<PieceSamples::Side, 2>& sides, double& slope) const;
 
   const base::PhaseMap* map_;
   const base::PhasePlane* plane_;

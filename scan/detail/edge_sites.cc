@@ -104,12 +104,25 @@ double grain_factor(const StepProfile& fit, std::size_t images, const std::array
   return sum / static_cast<double>(images);
 }
 
+double modulation_shift(const StepProfile& fit, std::size_t images, double phase_slope_turns, double blur_px) {
+  constexpr double kOfSquare = 0.395;
+  constexpr std::size_t kModulation = 1;
+  if (images <= kModulation) return 0.0;
+  const auto& levels = fit.levels[kModulation];
+  const double lost = std::clamp((levels[0] - levels[1]) / std::max(1e-9, levels[0]), 0.0, 1.0);
+  const double turn = 2.0 * std::numbers::pi * phase_slope_turns * blur_px;
+  return fit.share[kModulation] * lost * kOfSquare * turn * turn * blur_px;
+}
+
 void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, double blur_px, std::size_t most,
-              PieceSamples& samples) {
+              PieceSamples& samples, bool last) {
   site.fits = {};
-  site.images = images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
+  site.images = last
+                    ? images.read_even(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, blur_px, samples)
+                    : images.read(site.frame, options.half_piece_px, -options.reach_px, options.reach_px, samples);
   if (site.images == 0) return;
   site.noise = samples.noise_sigma;
+  site.light_slope_sigma = samples.light_slope_sigma;
   // Where the image's gradient told the place, the direction is that of the step there.
   const bool there = site.paint && most == 1;
   const auto candidates = step_candidates(samples.profile, there ? -kSearchPaint_px : -kSearchInside_px,
@@ -117,6 +130,7 @@ void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, 
   for (std::size_t k = 1; k <= candidates.count; ++k) {
     StepProfile profile;
     if (!fit_steps(samples.profile, site.noise, blur_px, candidates.first(k), kConverged_px, profile)) continue;
+    if (last) profile.at_px[0] -= modulation_shift(profile, site.images, samples.phase_slope_turns, blur_px);
     site.fits[k - 1] = profile;
   }
   // One step alone does not come to rest on a bright line, such as a chamfer that shines.

@@ -37,6 +37,7 @@ struct Site {
   std::array<double, kMostSteps> criterion = {};                 ///< of the choice between them, smaller is better
   std::size_t images = 0;
   std::array<double, kMostEdgeImages> noise = {};
+  double light_slope_sigma = 0.0;  ///< see PieceSamples
 };
 
 /// The sites of a camera and where they lie.
@@ -79,9 +80,15 @@ Sites find_sites(const EdgeInput& input, const EdgeOptions& options, const EdgeI
 double grain_factor(const StepProfile& fit, std::size_t images, const std::array<double, kMostEdgeImages>& noise,
                     double blur_px);
 
-/// Fits one step, two, up to `most`.
+/// Fits one step, two, up to `most`. `last`: the edge is where the site is, and the blur the camera's; sides are evened out
+/// (EdgeImages::read_even()).
 void fit_site(Site& site, const EdgeImages& images, const EdgeOptions& options, double blur_px, std::size_t most,
-              PieceSamples& samples);
+              PieceSamples& samples, bool last = false);
+
+/// By how much the first step was found too far out, since the modulation near a border is not averaged over as much phase as elsewhere: of
+/// a surface whose phase changes by w = 2 pi slope blur over the blur, its step lies 0.395 w^2 blurs too far out (least squares; the
+/// amplitude at t blurs from the edge exceeds that of a blurred step by w^2 phi(t)^2 / (2 Phi(-t)) to second order).
+double modulation_shift(const StepProfile& fit, std::size_t images, double phase_slope_turns, double blur_px);
 
 /// `work(index, samples)` of every site in parallel, `samples` for its own use.
 template <typename Work>

@@ -223,6 +223,14 @@ void ProfileSamples::grow() {
   for (auto& levels : levels_) levels.resize(room);
 }
 
+void ProfileSamples::even_out(double slope_per_px) {
+  for (std::size_t i = 0; i < size_; ++i) {
+    const double even = 1.0 / (1.0 + slope_per_px * std::min(0.0, across_px_[i]));
+    for (std::size_t image = 0; image < kMostEdgeImages; ++image)
+      levels_[image][i] = (levels_[image][i] + origins_[image]) * even - origins_[image];
+  }
+}
+
 void ProfileSamples::finish(std::size_t images) {
   images_ = images;
   low_px_ = 1e9;
@@ -263,7 +271,7 @@ bool fit_steps(const ProfileSamples& samples, const std::array<double, kMostEdge
   profile.at_px = solution->places;
   std::array<double, kMostEdgeImages> noise_weights = {};
   const auto n = static_cast<double>(samples.size());
-  double spread = 0.0;
+  double spread = 0.0, informations = 0.0;
   for (std::size_t image = 0; image < images; ++image) {
     noise_weights[image] = 1.0 / (noise_sigma[image] * noise_sigma[image]);
     profile.rms[image] = std::sqrt(solution->squares[image]);
@@ -281,7 +289,10 @@ bool fit_steps(const ProfileSamples& samples, const std::array<double, kMostEdge
     const double information = weights[image] * heights[1] * heights[1] * linear.projected[0][0];
     const double pull = weights[image] * heights[1] * linear.pulls[image][0];
     if (information > 0.0) spread += pull * pull / information;
+    profile.share[image] = information;
+    informations += information;
   }
+  for (double& one : profile.share) one = informations > 0.0 ? one / informations : 0.0;
   if (images > 1) profile.disagreement = spread / static_cast<double>(images - 1);
   const TiedEquations by_scatter(equations_of(linear, images, weights, k).normal, solution->tied, k);
   const TiedEquations by_noise(equations_of(linear, images, noise_weights, k).normal, solution->tied, k);

@@ -25,6 +25,9 @@ class ProfileSamples {
   /// After the last pixel: the first `images` levels of each count. Fits and candidates take samples that are finished.
   void finish(std::size_t images);
 
+  /// Divides the levels before the edge by 1 + slope * across, so that a side whose brightness changes steadily is even; finish() follows.
+  void even_out(double slope_per_px);
+
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] std::size_t images() const { return images_; }
   /// A level, from that of the first pixel.
@@ -60,6 +63,7 @@ struct StepProfile {
   double log_likelihood = 0.0;                   ///< - n / 2 sum over images of log(mean squared residual)
   /// Mean square of the images' own shifts of the first step from the common place, over what their residuals let expect; 1 with one image.
   double disagreement = 1.0;
+  std::array<double, kMostEdgeImages> share = {};  ///< of each image in the first place
 };
 
 /// Least squares of

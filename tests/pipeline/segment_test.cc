@@ -18,6 +18,7 @@
 #include "math/distributions.h"
 #include "tests/support/normalised_square.h"
 #include "tests/support/program.h"
+#include "tests/support/true_rim.h"
 
 namespace crosstie {
 namespace {
@@ -25,57 +26,11 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
 using testing::HasSubstr;
+using tests::column;
 using tests::run_program;
 using tests::TemporaryFolder;
-
-/// Three columns of a table.
-std::vector<Vector3d> triples(const base::Table& table, const std::array<const char*, 3>& names) {
-  std::vector<Vector3d> values;
-  for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    Vector3d v;
-    for (std::size_t k = 0; k < 3; ++k) v(static_cast<Eigen::Index>(k)) = *table.number(row, *table.column(names[k]));
-    values.push_back(v);
-  }
-  return values;
-}
-
-std::vector<double> column(const base::Table& table, const char* name) {
-  std::vector<double> values;
-  for (std::size_t row = 0; row < table.rows.size(); ++row) values.push_back(*table.number(row, *table.column(name)));
-  return values;
-}
-
-/// The twin's rim in the machine.
-struct TrueRim {
-  std::vector<Vector3d> points, normals, tangents;
-
-  [[nodiscard]] std::size_t nearest(const Vector3d& p) const {
-    std::size_t best = 0;
-    for (std::size_t i = 1; i < points.size(); ++i) {
-      if ((points[i] - p).squaredNorm() < (points[best] - p).squaredNorm()) best = i;
-    }
-    return best;
-  }
-  /// Distance of a point across the rim in the surface, and along the normal, from the straight line through the nearest point.
-  [[nodiscard]] Eigen::Vector2d off_mm(const Vector3d& p) const {
-    const std::size_t best = nearest(p);
-    const Vector3d d = p - points[best];
-    return {normals[best].cross(tangents[best]).dot(d), normals[best].dot(d)};
-  }
-  /// Normal beside a point and the ways across and along the rim there, interpolated: between two of its points the surface turns by what is tested.
-  [[nodiscard]] Eigen::Matrix3d axes_at(const Vector3d& p) const {
-    const std::size_t best = nearest(p);
-    const double along = tangents[best].dot(p - points[best]);
-    const std::size_t next = (best + (along > 0.0 ? 1 : points.size() - 1)) % points.size();
-    const double share = std::abs(along) / (points[next] - points[best]).norm();
-    const Vector3d normal = ((1.0 - share) * normals[best] + share * normals[next]).normalized();
-    const Vector3d tangent = (1.0 - share) * tangents[best] + share * tangents[next];
-    const Vector3d across = normal.cross(tangent).normalized();
-    Eigen::Matrix3d axes;
-    axes << across, across.cross(normal), normal;
-    return axes;
-  }
-};
+using tests::triples;
+using tests::TrueRim;
 
 /// The scene "segment" as it comes, done once; shared by all tests of this file.
 class SegmentJob : public testing::Test {
@@ -93,21 +48,8 @@ class SegmentJob : public testing::Test {
   }
   static fs::path job() { return *folder_ / "job"; }
   static fs::path results(const char* step) { return job() / "results" / step; }
-  static base::Pose machine_from_part() {
-    const auto truth = base::read_json(job() / "truth" / "wall.json");
-    const auto numbers = truth->at("machine_from_part").get<std::vector<double>>();
-    return *base::pose_from_matrix(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data()));
-  }
-  static TrueRim true_rim() {
-    const base::Pose pose = machine_from_part();
-    const auto table = base::read_table(job() / "truth" / "rim.csv");
-    TrueRim rim{triples(*table, {"x_mm", "y_mm", "z_mm"}), triples(*table, {"nx", "ny", "nz"}),
-                triples(*table, {"tx", "ty", "tz"})};
-    for (Vector3d& p : rim.points) p = pose * p;
-    for (Vector3d& n : rim.normals) n = pose.rotation * n;
-    for (Vector3d& t : rim.tangents) t = pose.rotation * t;
-    return rim;
-  }
+  static base::Pose machine_from_part() { return tests::true_machine_from_part(job()); }
+  static TrueRim true_rim() { return TrueRim::read(job()); }
 
   static constexpr std::uint64_t kSeed = 7;
   static TemporaryFolder* folder_;
@@ -156,21 +98,14 @@ TEST_F(SegmentJob, EveryStationLiesWhereItIs) {
 TEST_F(SegmentJob, ThePartLiesWhereItIs) {
   const auto result = base::read_json(results("edge") / "result.json");
   ASSERT_TRUE(result);
-  const auto numbers = result->at("machine_from_part").get<std::vector<double>>();
-  const auto found = base::pose_from_matrix(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data()));
-  ASSERT_TRUE(found);
-  base::Matrix6d cov;
-  std::size_t at = 0;
-  for (Eigen::Index row = 0; row < 6; ++row) {
-    for (Eigen::Index col = row; col < 6; ++col)
-      cov(row, col) = cov(col, row) = result->at("machine_from_part_cov")[at++].get<double>();
-  }
-  const base::Vector6d error = base::difference(machine_from_part(), *found);
+  const base::Pose found = tests::pose_of(result->at("machine_from_part"));
+  const base::Matrix6d cov = tests::cov_of(result->at("machine_from_part_cov"));
+  const base::Vector6d error = base::difference(machine_from_part(), found);
   for (Eigen::Index i = 0; i < 6; ++i) EXPECT_LT(std::abs(error(i)), 3.0 * std::sqrt(cov(i, i))) << i;
   EXPECT_LT(tests::normalised_square(error, cov), math::chi_square_quantile(0.999, 6.0));
   // At the hole itself, where the lever of the turns is short.
   const Vector3d hole = machine_from_part() * Vector3d(2150.0, 0.0, 0.0);
-  EXPECT_LT((*found * Vector3d(2150.0, 0.0, 0.0) - hole).norm(), 0.1);
+  EXPECT_LT((found * Vector3d(2150.0, 0.0, 0.0) - hole).norm(), 0.1);
 }
 
 TEST_F(SegmentJob, TheEdgeIsThatOfTheFaceAllRound) {
@@ -280,14 +215,12 @@ TEST_F(SegmentJob, TheTowerHoldsThePartAsWell) {
   const auto result = base::read_json(other / "edge" / "result.json");
   ASSERT_TRUE(result);
   EXPECT_EQ(result->at("part").at("source"), "tower");
-  const auto numbers = result->at("machine_from_part").get<std::vector<double>>();
-  const auto found = base::pose_from_matrix(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data()));
-  ASSERT_TRUE(found);
+  const base::Pose found = tests::pose_of(result->at("machine_from_part"));
   const base::Pose truth = machine_from_part();
   const Vector3d axis(0.0, 0.0, 1.0);
-  EXPECT_LT(std::acos(std::min(1.0, (found->rotation * axis).dot(truth.rotation * axis))), 3e-3);
+  EXPECT_LT(std::acos(std::min(1.0, (found.rotation * axis).dot(truth.rotation * axis))), 3e-3);
   const Vector3d hole(2150.0, 0.9, -1.3);
-  EXPECT_LT((*found * Vector3d(2150.0, 0.0, 0.0) - truth * hole).head<2>().norm(), 1.0);
+  EXPECT_LT((found * Vector3d(2150.0, 0.0, 0.0) - truth * hole).head<2>().norm(), 1.0);
 }
 
 }  // namespace
