@@ -253,7 +253,7 @@ std::vector<AxisTerm> AxisMotion::taken() const {
     list.push_back({letter == 'Y' || letter == 'B'   ? 1
                     : letter == 'Z' || letter == 'C' ? 2
                                                      : 0,
-                    term.order, term.angle, term.significant ? 0.0 : std::max(std::abs(term.coefficient), term.sigma)});
+                    term.order, term.angle, term.significant ? 0.0 : least_w * term.sigma});
   }
   return list;
 }
@@ -294,6 +294,9 @@ AxisMotion find_motion(const StationPoses& stations, const Carriage& straight, d
       motion.degrees = dof;
     }
   }
+
+  const double quantile = 1.0 - options.significance / 2.0;
+  motion.least_w = motion.degrees > 0.0 ? math::student_quantile(quantile, motion.degrees) : math::normal_quantile(quantile);
 
   const MatrixXd covariance = line.covariance(motion.stop_sigma_mm, motion.stop_sigma_rad);
   std::vector<Index> in = range(9);

@@ -50,6 +50,7 @@ struct AxisMotion {
   std::vector<base::Vector6d> off_axis;
   std::vector<double> w;
   double degrees = 0.0;  ///< of Student's t where stop sigmas were estimated; 0: the normal distribution
+  double least_w = 3.29;  ///< a motion of so many sigmas of its test is just significant
 
   /// Those that take part in the adjustment.
   [[nodiscard]] std::vector<AxisTerm> taken() const;
@@ -57,8 +58,9 @@ struct AxisMotion {
 
 /// Generalised least squares on the stations' poses, linear about the straight axis; equivalent to the adjustment in which the stations'
 /// joint covariance was found. Terms enter one by one, the most significant first, while its level is below options.significance, and
-/// leave if they are not significant beside the others. The rest take part too, each drawn to 0 by a prior with the sigma
-/// max(|found|, its test's sigma): dropped, a true motion just below the level would bias head and lenses by several sigmas.
+/// leave if they are not significant beside the others. The rest take part too, each under a prior about 0 whose sigma
+/// is the motion that is just significant: dropped, one just below the level would bias head and lenses by several sigmas; and a sigma
+/// after what was found would take the data twice.
 AxisMotion find_motion(const StationPoses& stations, const Carriage& carriage, double scale_ppm, double reading_sigma_mm,
                        const CommissionOptions& options);
 
