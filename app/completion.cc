@@ -12,8 +12,8 @@ namespace crosstie::app {
 namespace {
 
 constexpr std::array<std::string_view, 1> kFolders = {"DIR"};
-constexpr std::array<std::string_view, 13> kFiles = {"FILE", "JOB",  "RIG",   "IMAGE",   "IN",          "OUT",       "A",
-                                                     "B",    "WORD", "SCENE", "PATTERN", "A.ply B.ply", "LEFT RIGHT"};
+constexpr std::array<std::string_view, 14> kFiles = {"FILE", "PATH", "JOB",  "RIG",   "IMAGE",   "IN",          "OUT",
+                                                     "A",    "B",    "WORD", "SCENE", "PATTERN", "A.ply B.ply", "LEFT RIGHT"};
 
 template <std::size_t kSize>
 bool is_one_of(const std::array<std::string_view, kSize>& names, const std::string& name) {

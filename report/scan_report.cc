@@ -107,7 +107,7 @@ std::string camera_table(const ScanSummary& scan) {
   for (const ScannedCamera& camera : scan.cameras) {
     table.add_row({text_cell(camera.name), number_cell(detail::fixed(camera.light, 1), camera.light),
                    number_cell(detail::fixed(camera.modulation, 1), camera.modulation),
-                   number_cell(detail::significant(std::sqrt(camera.noise.read)), camera.noise.read),
+                   number_cell(detail::significant(std::sqrt(camera.noise.read)), std::sqrt(camera.noise.read)),
                    number_cell(detail::significant(camera.noise.shot), camera.noise.shot),
                    number_cell(detail::significant(camera.sigma_phase_rad), camera.sigma_phase_rad),
                    number_cell(detail::fixed(camera.residual_ratio, 2), camera.residual_ratio),

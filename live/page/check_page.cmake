@@ -1,9 +1,8 @@
 # Proves things of the page where Node.js is, and says "skipped" where it is not:
 #   cmake -DSOURCE=<tree> -DWORK=<folder> -DWHAT=dist -P check_page.cmake    dist/index.html is what its sources make, byte by byte
 #   cmake -DSOURCE=<tree> -DWORK=<folder> -DWHAT=test -P check_page.cmake    the tests in a browser (chromium)
-#   cmake -DSOURCE=<tree> -DWORK=<folder> -DWHAT=reports -DPROGRAM=<crosstie> -P ...          every report of the twin's whole job
 #   cmake -DSOURCE=<tree> -DWORK=<folder> -DWHAT=twin -DPROGRAM=<crosstie> -P ...             the page of the real program against the twin
-if(WHAT MATCHES "^(twin|reports)$" AND NOT "$ENV{CROSSTIE_BARS}" STREQUAL "1")
+if(WHAT STREQUAL "twin" AND NOT "$ENV{CROSSTIE_BARS}" STREQUAL "1")
   message("skipped: takes minutes, CROSSTIE_BARS=1 runs it")
   return()
 endif()
@@ -36,13 +35,6 @@ if(failed)
 endif()
 if(WHAT STREQUAL "test")
   execute_process(COMMAND ${NPM} test WORKING_DIRECTORY ${page} COMMAND_ERROR_IS_FATAL ANY)
-  return()
-endif()
-if(WHAT STREQUAL "reports")
-  file(REMOVE_RECURSE ${WORK}/job)
-  execute_process(COMMAND ${PROGRAM} simulate --scene segment --seed 1 --out ${WORK}/job COMMAND_ERROR_IS_FATAL ANY)
-  execute_process(COMMAND ${PROGRAM} run ${WORK}/job COMMAND_ERROR_IS_FATAL ANY)
-  execute_process(COMMAND ${CMAKE_COMMAND} -E env CROSSTIE_JOB=${WORK}/job ${NPM} run test:reports WORKING_DIRECTORY ${page} COMMAND_ERROR_IS_FATAL ANY)
   return()
 endif()
 if(WHAT STREQUAL "twin")

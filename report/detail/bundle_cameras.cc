@@ -55,7 +55,7 @@ std::string parameter_table(const AdjustedCamera& one, int redundancy) {
     row.push_back(text_cell(units[i].empty() ? "1" : std::string(units[i])));
     if (tested) {
       const double t = value / sigma;
-      row.push_back(number_cell(significant(t, 3), std::abs(t)));
+      row.push_back(number_cell(significant(t, 3), t));
       row.push_back(number_cell(p < 1e-4 ? "< 0.0001" : fixed(p, 4), p));
       row.push_back(text_cell(p < kSignificant ? "significant" : "not significant", p < kSignificant ? "" : "warning"));
     } else {

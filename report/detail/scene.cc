@@ -227,7 +227,7 @@ std::string points_scene(const std::vector<ShownPoint>& shown, const std::string
                                  point.cov_mm2.isZero(0.0) ? "[]" : axes_list(ellipsoid_axes(point.cov_mm2)),
                                  number(point.value), quoted_list(point.about), point.ring ? ",\"ring\":true" : ""));
   }
-  if (!cloud.points.empty()) values.clear();  // the legend is the cloud's
+  if (!cloud.points.empty()) values = {0.0};  // the legend is the cloud's, and begins where nothing differs
   for (const ShownCloud::Point& point : cloud.points) {
     if (!point.xyz_mm.allFinite()) continue;
     places.push_back(point.xyz_mm);

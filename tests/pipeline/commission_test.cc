@@ -20,6 +20,7 @@
 #include "fixtures/sampled.h"
 #include "fixtures/simulate.h"
 #include "math/distributions.h"
+#include "tests/support/folder_contents.h"
 #include "tests/support/normalised_square.h"
 #include "tests/support/program.h"
 
@@ -132,30 +133,21 @@ TEST_F(CommissionJob, PutsTheHeadWhereItIs) {
   }
 }
 
-/// The files of a folder by their names, below it.
-std::map<std::string, std::string> contents(const fs::path& folder) {
-  std::map<std::string, std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder).string()] = read_all(entry.path());
-  }
-  return files;
-}
-
 TEST_F(CommissionJob, IsTheSameBytesForAnyNumberOfThreads) {
   // With all that comes before it; the cross-validation's threads are calibrate's own test.
-  const auto first = contents(results("commission"));
-  const auto stations = contents(results("detect-stations"));
+  const auto first = tests::result_contents(results("commission"));
+  const auto stations = tests::result_contents(results("detect-stations"));
   ASSERT_FALSE(first.empty());
   for (const char* threads : {"1", "8"}) {
     const TemporaryFolder other;
     const auto run =
         run_program({"run", job().string(), "--to", "stations", "--threads", threads, "--out", (other / "out").string()});
     ASSERT_LE(run.exit_code, 1) << run.err;
-    EXPECT_EQ(contents(other / "out/detect-stations"), stations) << threads;
+    EXPECT_EQ(tests::result_contents(other / "out/detect-stations"), stations) << threads;
     const auto commissioned =
         run_program({"commission", job().string(), "--threads", threads, "--out", (other / "c").string()});
     ASSERT_LE(commissioned.exit_code, 1) << commissioned.err;
-    EXPECT_EQ(contents(other / "c"), first) << threads;
+    EXPECT_EQ(tests::result_contents(other / "c"), first) << threads;
   }
 }
 

@@ -16,6 +16,7 @@
 #include "base/table.h"
 #include "math/distributions.h"
 #include "math/rigid_alignment.h"
+#include "tests/support/folder_contents.h"
 #include "tests/support/program.h"
 
 namespace crosstie {
@@ -46,15 +47,6 @@ class Cross : public testing::Test {
   static tests::TemporaryFolder* folder_;
 };
 tests::TemporaryFolder* Cross::folder_ = nullptr;
-
-/// Every byte below a folder, by relative path.
-std::map<std::string, std::string> contents(const fs::path& folder) {
-  std::map<std::string, std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder).string()] = tests::read_all(entry.path());
-  }
-  return files;
-}
 
 TEST_F(Cross, CoordinatesAgreeWithTheTruthWithinTheirSigmas) {
   const auto truth = base::read_point_list(job() / "truth/points.csv");
@@ -171,14 +163,14 @@ TEST_F(Cross, GivesTheSameBytesForAnyNumberOfThreadsAndEveryRun) {
     const fs::path out = *folder_ / (std::string("threads") + threads);
     const auto run = run_program({"run", job().string(), "--out", out.string(), "--threads", threads});
     ASSERT_EQ(run.exit_code, 0) << run.err;
-    const auto files = contents(out);
+    const auto files = tests::result_contents(out);
     ASSERT_GT(files.size(), 10U);
     if (first.empty()) first = files;
     for (const auto& [name, bytes] : files)
       EXPECT_TRUE(first[name] == bytes) << name << " differs with " << threads << " threads";
     EXPECT_EQ(files.size(), first.size());
   }
-  EXPECT_TRUE(first == contents(job() / "results")) << "a second run differs from the first";
+  EXPECT_TRUE(first == tests::result_contents(job() / "results")) << "a second run differs from the first";
 }
 
 TEST_F(Cross, RecomputesOnlyWhatChanged) {

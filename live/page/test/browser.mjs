@@ -8,12 +8,12 @@ export const sizes = { wide: { width: 1280, height: 800 }, narrow: { width: 390,
 let browser = null;
 let open = 0;
 
-export async function openPage(server, { viewport = sizes.wide, token = true, flags = [], before = [], bypassCSP = false } = {}) {
+export async function openPage(server, { viewport = sizes.wide, token = true, flags = [], before = [] } = {}) {
   if (!executable) throw new Error('no chromium: apt-get install chromium');
   const own = flags.length > 0;
   const used = own ? await launch(flags) : (browser ??= await launch([]));
   open++;
-  const context = await used.newContext({ viewport, reducedMotion: 'reduce', bypassCSP });
+  const context = await used.newContext({ viewport, reducedMotion: 'reduce' });
   for (const script of before) await context.addInitScript(script);
   const page = await context.newPage();
   const complaints = [];

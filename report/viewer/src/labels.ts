@@ -23,7 +23,7 @@ export class Labels {
     if (this.layer.hidden) return;
     const taken = new Set<string>();
     const order = [...this.scene.points.keys()];
-    if (selected >= 0) order.unshift(selected);
+    if (selected >= 0 && selected < this.scene.points.length) order.unshift(selected);
     const done = new Set<number>();
     for (const i of order) {
       if (done.has(i)) continue;
