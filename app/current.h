@@ -31,8 +31,17 @@ Outcome outcome_of(const nlohmann::ordered_json& result);
 /// reference, are other inputs.
 bool same_inputs(const nlohmann::ordered_json& result, const std::vector<base::ResultInput>& inputs);
 
+/// Results that this thread writes while it lives belong to a job whose overview will stand in this folder.
+class OverviewIn {
+ public:
+  explicit OverviewIn(const std::filesystem::path& results);
+  ~OverviewIn();
+  OverviewIn(const OverviewIn&) = delete;
+  OverviewIn& operator=(const OverviewIn&) = delete;
+};
+
 /// From a report in this folder to the overview of its job, as a relative address: "../index.html"; empty where the folder does not stand
-/// in the results of a job.
+/// in the results of a job, nor in those of OverviewIn.
 std::string overview_of(const std::filesystem::path& out);
 
 /// Writes report.html and result.json into a folder in the making and puts it in its place.

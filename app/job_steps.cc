@@ -7,6 +7,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include "app/current.h"
 #include "app/job_edge.h"
 #include "app/job_scan.h"
 #include "app/steps_calibrate.h"
@@ -326,6 +327,7 @@ Result<> do_steps(const std::vector<const JobStep*>& steps, const StepRun& run, 
   for (const JobStep* step : steps) {
     if (auto complete = step->check(run.job); !complete) return complete;
   }
+  const OverviewIn overview(run.results);
   for (const JobStep* step : steps) {
     const auto done = step->run(run, run.results / step->folder);
     if (!done) return tl::unexpected(done.error());

@@ -71,6 +71,9 @@ TEST(Report, ResultsOfAJobLeadToItsOverview) {
   EXPECT_EQ(overview_of(folder.path() / "job/results/scan/x0/"), "../../index.html");
   EXPECT_EQ(overview_of(folder.path() / "job/other/adjust"), "");
   EXPECT_EQ(overview_of(folder.path() / "elsewhere/results/adjust"), "");
+  const OverviewIn elsewhere(folder.path() / "elsewhere/");  // as run --out writes it
+  EXPECT_EQ(overview_of(folder.path() / "elsewhere/adjust"), "../index.html");
+  EXPECT_EQ(overview_of(folder.path() / "elsewhere/scan/x0"), "../../index.html");
 }
 
 }  // namespace
