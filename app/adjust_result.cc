@@ -56,7 +56,7 @@ Result<StepOutcome> write_adjustment(ResultFolder& folder, const fs::path& out, 
                                 adjusted.warnings};
   if (auto written = write_files(folder.path(), adjusted); !written) return base::fail(std::move(written));
   const std::string html =
-      report::bundle_report(adjusted, {"Bundle adjustment", record.title, envelope, record.options.dump(2), overview_of(out)});
+      report::bundle_report(adjusted, {"Bundle adjustment", record.title, envelope, record.options.dump(2), record.overview});
   const ordered_json result = base::result_json(envelope, record.options, base::network_json(adjusted));
   if (auto published = publish(folder, html, result); !published) return base::fail(std::move(published));
   const auto uncoded = std::count_if(adjusted.points.begin(), adjusted.points.end(),

@@ -19,6 +19,7 @@ struct AdjustmentRecord {
   std::vector<base::ResultInput> inputs;
   const nlohmann::ordered_json& options;
   JobLimits limits;
+  std::string overview;  ///< from the report to the overview of its job (overview_of)
 };
 
 /// Judges the network and writes its tables, clouds, cameras, covariance, report and result.json into `folder`, then publishes it as

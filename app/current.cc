@@ -64,16 +64,27 @@ bool same_inputs(const ordered_json& result, const std::vector<base::ResultInput
   return true;
 }
 
-std::string overview_of(const std::filesystem::path& out) {
-  namespace fs = std::filesystem;
+namespace {
+
+/// With the same spelling for the same folder, without a slash at its end.
+std::filesystem::path plain_path(const std::filesystem::path& path) {
   std::error_code none;
-  fs::path folder = fs::absolute(out, none).lexically_normal();
-  if (!folder.has_filename()) folder = folder.parent_path();
+  const std::filesystem::path whole = std::filesystem::absolute(path, none).lexically_normal();
+  return whole.has_filename() ? whole : whole.parent_path();
+}
+
+}  // namespace
+
+std::string overview_of(const std::filesystem::path& out, const Session& session) {
+  std::filesystem::path folder = plain_path(out);
+  const std::filesystem::path job_results = session.job_results().empty() ? std::filesystem::path() : plain_path(session.job_results());
   std::string way;
   for (int level = 0; level < 2; ++level) {  // a station's scan stands one deeper
     folder = folder.parent_path();
     way += "../";
-    if (folder.filename() == "results" && fs::exists(folder.parent_path() / "job.toml", none)) return way + "index.html";
+    std::error_code none;
+    const bool of_job = folder.filename() == "results" && std::filesystem::exists(folder.parent_path() / "job.toml", none);
+    if (of_job || folder == job_results) return way + "index.html";
   }
   return {};
 }

@@ -7,6 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "app/result_folder.h"
+#include "app/session.h"
 #include "app/verb.h"
 #include "base/result.h"
 #include "base/result_document.h"
@@ -32,8 +33,8 @@ Outcome outcome_of(const nlohmann::ordered_json& result);
 bool same_inputs(const nlohmann::ordered_json& result, const std::vector<base::ResultInput>& inputs);
 
 /// From a report in this folder to the overview of its job, as a relative address: "../index.html"; empty where the folder does not stand
-/// in the results of a job.
-std::string overview_of(const std::filesystem::path& out);
+/// in the results of a job, nor in those that the session writes of one.
+std::string overview_of(const std::filesystem::path& out, const Session& session);
 
 /// Writes report.html and result.json into a folder in the making and puts it in its place.
 base::Result<> publish(ResultFolder& folder, const std::string& html, const nlohmann::ordered_json& result);

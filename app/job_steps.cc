@@ -326,6 +326,7 @@ Result<> do_steps(const std::vector<const JobStep*>& steps, const StepRun& run, 
   for (const JobStep* step : steps) {
     if (auto complete = step->check(run.job); !complete) return complete;
   }
+  run.session.set_job_results(run.results);
   for (const JobStep* step : steps) {
     const auto done = step->run(run, run.results / step->folder);
     if (!done) return tl::unexpected(done.error());

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <mutex>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "base/progress.h"
 
@@ -27,6 +29,10 @@ class Session {
   [[nodiscard]] base::Progress progress();
   [[nodiscard]] int threads() const { return threads_; }
 
+  /// The folder that a job's results are being written into, wherever it is, with their overview; empty: none is.
+  [[nodiscard]] const std::filesystem::path& job_results() const { return job_results_; }
+  void set_job_results(std::filesystem::path folder) { job_results_ = std::move(folder); }
+
   /// A line of the result, on stdout.
   void print(std::string_view line);
   /// A line of talk, on stderr; not with --quiet.
@@ -40,6 +46,7 @@ class Session {
   int threads_;
   bool terminal_;
   bool bar_drawn_ = false;
+  std::filesystem::path job_results_;
   std::stop_token stop_;
   Listener listener_;  ///< empty: the terminal
   std::mutex mutex_;

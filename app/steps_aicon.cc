@@ -55,7 +55,7 @@ Result<StepOutcome> adjust_aicon_step(const AiconTask& task, const fs::path& out
   const auto adjusted = bundle::adjust(*network, how, session.progress());
   if (!adjusted) return tl::unexpected(adjusted.error());
   const std::string title = project->image_points.stem().string();
-  return write_adjustment(*folder, out, *adjusted, {title, *std::move(inputs), options, {}});
+  return write_adjustment(*folder, out, *adjusted, {title, *std::move(inputs), options, {}, overview_of(out, session)});
 }
 
 }  // namespace crosstie::app

@@ -183,7 +183,7 @@ Result<StepOutcome> detect_step(const DetectionTask& task, const fs::path& out, 
   std::vector<std::string> overlays;
   for (const ImageFile& file : task.images) overlays.push_back(overlay_name(file).generic_string());
   const std::string html = report::detection_report(
-      images, overlays, {"Markers in the photographs", task.title, envelope, options.dump(2), overview_of(out)});
+      images, overlays, {"Markers in the photographs", task.title, envelope, options.dump(2), overview_of(out, session)});
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   std::size_t coded = 0;
   for (const ImageObservations& image : images) coded += coded_count(image);

@@ -193,13 +193,13 @@ std::string summary_of(const base::Stitching& stitching, std::size_t points) {
 /// Files of the result, then its publication.
 Result<StepOutcome> write(ResultFolder& folder, const fs::path& out, const base::Stitching& stitching,
                           const base::Cloud& merged, const std::vector<base::ResultInput>& inputs, const ordered_json& options,
-                          const JobLimits& limits, const std::string& title) {
+                          const JobLimits& limits, const std::string& title, const Session& session) {
   const base::ResultEnvelope envelope{"stitch", stitching.frame, inputs, verdicts_of(stitching, limits), stitching.warnings};
   if (auto written = base::write_ply(folder.path() / "cloud.ply", merged); !written) return fail(std::move(written));
   if (auto written = report::write_stitching_tables(folder.path(), stitching); !written) return fail(std::move(written));
   if (auto written = base::write_covariance(folder.path(), {stitching.covariance, stitching.labels}); !written)
     return fail(std::move(written));
-  const std::string html = report::stitching_report(stitching, merged, {"Stitched cloud", title, envelope, options.dump(2), overview_of(out)});
+  const std::string html = report::stitching_report(stitching, merged, {"Stitched cloud", title, envelope, options.dump(2), overview_of(out, session)});
   const ordered_json result = base::result_json(envelope, options, base::stitching_json(stitching));
   if (auto published = publish(folder, html, result); !published) return fail(std::move(published));
   return StepOutcome{out, summary_of(stitching, merged.points.size()), false, outcome_of(result)};
@@ -272,7 +272,7 @@ Result<StepOutcome> stitch_step(const StitchTask& task, const fs::path& out, Ses
     if (!cloud) return tl::unexpected(cloud.error());
     if (auto added = merger.add(static_cast<int>(k), *cloud); !added) return fail(std::move(added));
   }
-  return write(*folder, out, *stitching, merger.finish(), *inputs, options, task.limits, task.title);
+  return write(*folder, out, *stitching, merger.finish(), *inputs, options, task.limits, task.title, session);
 }
 
 Result<StepOutcome> surface_stitch_step(const SurfaceStitchTask& task, const fs::path& out, Session& session) {
@@ -322,7 +322,7 @@ Result<StepOutcome> surface_stitch_step(const SurfaceStitchTask& task, const fs:
     if (!cloud) return tl::unexpected(cloud.error());
     if (auto added = merger.add(static_cast<int>(k), *cloud); !added) return fail(std::move(added));
   }
-  return write(*folder, out, *stitching, merger.finish(), *inputs, options, JobLimits{}, task.title);
+  return write(*folder, out, *stitching, merger.finish(), *inputs, options, JobLimits{}, task.title, session);
 }
 
 }  // namespace crosstie::app

@@ -195,7 +195,7 @@ Result<StepOutcome> verify_step(const VerificationTask& task, const fs::path& ou
     if (auto written = report::write_surface_tables(folder->path(), *surfaces); !written) return base::fail(std::move(written));
   }
   const report::ReportContext context{surfaces ? "Verification" : "Verification against reference points", task.title, envelope,
-                                      options_json.dump(2), overview_of(out)};
+                                      options_json.dump(2), overview_of(out, session)};
   const std::string html = surfaces ? report::surface_report(*surfaces, context, points ? &*points : nullptr)
                                     : report::verification_report(*points, context);
   const ordered_json result = base::result_json(envelope, options_json, body);

@@ -39,15 +39,24 @@ Result<> BoardWatch::look(const Job& job, const std::vector<PairOfFiles>& pairs,
     task->images.push_back({name_in(pair, 1), right, pair[1]});
   }
   std::map<std::string, base::BoardImage> found;
+  const auto keep = [&](std::vector<base::BoardImage>& images) {
+    for (base::BoardImage& image : images) found.insert_or_assign(image.image, std::move(image));
+  };
+  Result<> trouble;
   if (!task->images.empty()) {
     auto corners = find_board(*task, session);
-    if (!corners) {
-      const std::lock_guard lock(mutex_);
-      options_.board = job.board->board;
-      guide();  // by what was seen before
+    if (corners) {
+      keep(corners->front().images);
+    } else if (corners.error().code == base::ErrorCode::kCancelled) {
       return base::fail(std::move(corners));
+    } else {  // one image that cannot be read does not hide the others
+      trouble = base::fail(std::move(corners));
+      const std::vector<ImageFile> all = std::move(task->images);
+      for (std::size_t i = 0; i + 1 < all.size() && all.size() > 2; i += 2) {
+        task->images = {all[i], all[i + 1]};
+        if (auto alone = find_board(*task, session)) keep(alone->front().images);
+      }
     }
-    for (base::BoardImage& image : corners->front().images) found.insert_or_assign(image.image, std::move(image));
   }
   const std::lock_guard lock(mutex_);
   options_.board = job.board->board;
@@ -58,7 +67,7 @@ Result<> BoardWatch::look(const Job& job, const std::vector<PairOfFiles>& pairs,
     sights_.insert_or_assign(pair, std::move(sight));
   }
   guide();
-  return {};
+  return trouble;
 }
 
 void BoardWatch::forget(const PairOfFiles& pair) {

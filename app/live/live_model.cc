@@ -122,6 +122,15 @@ Result<> LiveModel::select(const std::string& station) {
   const bool known =
       std::any_of(job_.stations.begin(), job_.stations.end(), [&](const JobStation& one) { return one.name == station; });
   if (!known) return base::fail(ErrorCode::kUsage, fmt::format("the job has no station '{}'", station));
+  if (stations_ && (stage_ == LiveStage::kCommission || stage_ == LiveStage::kScan)) {
+    const auto found =
+        std::find_if(stations_->begin(), stations_->end(), [&](const StationShots& one) { return one.name == station; });
+    const bool cross = stage_ == LiveStage::kCommission;
+    if (found != stations_->end() && !(cross ? found->wants_cross : found->wants_scan)) {
+      return base::fail(ErrorCode::kUsage,
+                        fmt::format("the job has no {} at station '{}'", cross ? "photograph of the cross" : "scan", station));
+    }
+  }
   selected_ = station;
   return {};
 }

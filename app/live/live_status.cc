@@ -1,4 +1,5 @@
 #include "app/live/live_status.h"
+#include "report/verdict_words.h"
 
 #include <nlohmann/json.hpp>
 
@@ -106,8 +107,12 @@ ordered_json station_json(const StationStatus& station) {
 }
 
 ordered_json verdict_json(const base::Verdict& verdict) {
-  return {{"name", verdict.name}, {"value", verdict.value},   {"limit", verdict.limit},
-          {"unit", verdict.unit}, {"source", verdict.source}, {"level", std::string(base::verdict_level_name(verdict.level))}};
+  return {{"name", report::verdict_words(verdict.name)},
+          {"value", verdict.value},
+          {"limit", verdict.limit},
+          {"unit", verdict.unit},
+          {"source", verdict.source},
+          {"level", std::string(base::verdict_level_name(verdict.level))}};
 }
 
 template <typename List, typename ToJson>

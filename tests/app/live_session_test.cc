@@ -141,6 +141,17 @@ TEST_F(LiveSessionTest, WhatIsNoCommandIsRefusedInWords) {
   }
 }
 
+TEST_F(LiveSessionTest, AStationIsChosenOnlyWhereItHasWork) {
+  ASSERT_TRUE(command(R"({"command": "stage", "name": "commission"})"));
+  ASSERT_TRUE(idle());
+  ASSERT_TRUE(eventually([&] { return !state()["stations"].empty(); }));
+  EXPECT_TRUE(command(R"({"command": "select", "station": "x850"})"));
+  ASSERT_TRUE(command(R"({"command": "stage", "name": "scan"})"));
+  const auto refused = command(R"({"command": "select", "station": "x850"})");
+  ASSERT_FALSE(refused) << "the job scans nothing there";
+  EXPECT_THAT(refused.error().message, HasSubstr("no scan at station 'x850'"));
+}
+
 TEST_F(LiveSessionTest, ALostCameraIsToldAndConnectedAgain) {
   ASSERT_TRUE(idle());
   cameras_.right.unplug();

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "app/current.h"
+#include "app/session.h"
 #include "base/file.h"
 #include "report/job_report.h"
 #include "tests/app/run_verb.h"
@@ -113,10 +114,16 @@ TEST_F(ReportVerb, SaysWhatIsMissing) {
 }
 
 TEST_F(ReportVerb, TheWayFromAReportToItsOverview) {
-  EXPECT_EQ(overview_of(at("job/results/edge")), "../index.html");
-  EXPECT_EQ(overview_of(at("job/results/edge/")), "../index.html");
-  EXPECT_EQ(overview_of(at("job/results/scan/x0500")), "../../index.html");
-  EXPECT_EQ(overview_of(at("elsewhere/edge")), "") << "it stands in no job";
+  Session session(true, 1, {});
+  EXPECT_EQ(overview_of(at("job/results/edge"), session), "../index.html");
+  EXPECT_EQ(overview_of(at("job/results/edge/"), session), "../index.html");
+  EXPECT_EQ(overview_of(at("job/results/scan/x0500"), session), "../../index.html");
+  EXPECT_EQ(overview_of(at("job/other/edge"), session), "");
+  EXPECT_EQ(overview_of(at("elsewhere/edge"), session), "") << "it stands in no job";
+  session.set_job_results(at("elsewhere/"));  // as run --out tells
+  EXPECT_EQ(overview_of(at("elsewhere/edge"), session), "../index.html");
+  EXPECT_EQ(overview_of(at("elsewhere/scan/x0500"), session), "../../index.html");
+  EXPECT_EQ(overview_of(at("another/edge"), session), "");
 }
 
 }  // namespace

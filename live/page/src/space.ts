@@ -37,7 +37,6 @@ function headCamera(head: NonNullable<Space['head']>): SceneCamera {
 
 /** Markers and the marks of the gaps, in the form of the reports' viewer. */
 function reportScene(space: Space): Scene {
-  const sigmas = space.markers.map((marker) => marker.sigma_mm ?? 0);
   const markers = space.markers.map((marker): ScenePoint => ({
     id: String(marker.id),
     p: marker.xyz_mm,
@@ -63,11 +62,16 @@ function reportScene(space: Space): Scene {
     points: [...markers, ...gaps],
     cameras: space.head ? [headCamera(space.head)] : [],
     bars: [],
-    legend: { label: 'sigma, mm', min: 0, max: Math.max(...sigmas, 0.05), open: false },
+    legend: { label: 'sigma, mm', min: 0, max: sigmaRange(space), open: false },
     magnification: 1,
     up: space.head ? [-space.head.axes[1]!, -space.head.axes[4]!, -space.head.axes[7]!] : [0, 0, 1],
     towards: space.head ? [space.head.axes[2]!, space.head.axes[5]!, space.head.axes[8]!] : [0, 1, 0],
   };
+}
+
+/** Of the colours, in mm. */
+function sigmaRange(space: Space): number {
+  return Math.max(...space.markers.map((marker) => marker.sigma_mm ?? 0), 0.05);
 }
 
 function patch(points: Float32Array, colour: number): Points {
@@ -145,7 +149,7 @@ export class SpaceView {
     reset.type = 'button';
     reset.addEventListener('click', () => this.reset());
     const panel = element('div', 'viewer-panel');
-    const keys: [string, string][] = [['dot', 'marker seen now'], ['ring', 'marker known'], ['edge', 'edge measured'], ['gap', 'gap'], ['head', 'head']];
+    const keys: [string, string][] = [['dot', 'marker seen now, coloured by its sigma'], ['ring', 'marker known'], ['edge', 'edge measured'], ['gap', 'gap'], ['head', 'head']];
     for (const [kind, text] of keys) {
       const entry = element('span', `key ${kind}`, text);
       panel.append(entry);
@@ -241,7 +245,7 @@ export class SpaceView {
     say(byId('space-frame'), space.frame ? `in the frame of the ${space.frame}` : '');
     const live = space.markers.filter((marker) => marker.live).length;
     const patches = space.patches.length > 0 ? `${count(space.patches.length, 'scanned patch', 'scanned patches')} (${space.patches.map((one) => one.station).join(', ')})` : 'nothing scanned yet';
-    say(byId('space-text'), `${count(space.markers.length, 'marker')}, ${live} of them seen now; ${patches}.`);
+    say(byId('space-text'), `${count(space.markers.length, 'marker')}, ${live} of them seen now; ${patches}. Markers: sigma 0 (blue) to ${fixed(sigmaRange(space), 3)} mm (red).`);
     if (!this.stage) return;
     const scene = reportScene(space);
     const clouds = space.patches.map((one) => ({ points: decodePoints(one.points), colour: one.colour }));
