@@ -69,7 +69,8 @@ class ScratchFolder {
 /// Its process group, which holds the browser's helpers too.
 Result<pid_t> start(const std::vector<std::string>& words) {
   std::vector<char*> pointers;
-  for (const std::string& word : words) pointers.push_back(const_cast<char*>(word.c_str()));  // NOLINT: as posix_spawn wants them
+  for (const std::string& word : words)
+    pointers.push_back(const_cast<char*>(word.c_str()));  // NOLINT: as posix_spawn wants them
   pointers.push_back(nullptr);
   posix_spawn_file_actions_t files;
   posix_spawn_file_actions_init(&files);
@@ -111,8 +112,9 @@ Result<> wait_for(pid_t process, const std::string& name, const base::Progress& 
   }
   kill(-process, SIGKILL);  // helpers that outlive it
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
-  return fail(ErrorCode::kFileSystem, fmt::format("{} ended without printing ({} {})", name, WIFEXITED(status) ? "exit code" : "signal",
-                                                  WIFEXITED(status) ? WEXITSTATUS(status) : WTERMSIG(status)));
+  return fail(ErrorCode::kFileSystem,
+              fmt::format("{} ended without printing ({} {})", name, WIFEXITED(status) ? "exit code" : "signal",
+                          WIFEXITED(status) ? WEXITSTATUS(status) : WTERMSIG(status)));
 }
 
 }  // namespace
@@ -123,11 +125,13 @@ Result<fs::path> find_browser(const std::optional<std::string>& wanted) {
     if (const auto found = on_path(*wanted)) return *found;
     return fail(ErrorCode::kFileSystem, fmt::format("{}: no program of this name that can be run", *wanted));
   }
-  for (const char* name : {"chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge"}) {
+  for (const char* name :
+       {"chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge"}) {
     if (const auto found = on_path(name)) return *found;
   }
   return fail(ErrorCode::kFileSystem,
-              "no browser on PATH to print with (looked for chromium, google-chrome and microsoft-edge): apt-get install chromium, or name "
+              "no browser on PATH to print with (looked for chromium, google-chrome and microsoft-edge): apt-get install "
+              "chromium, or name "
               "one with --browser; every browser prints an opened report, too");
 }
 
@@ -148,7 +152,8 @@ Result<> print_as_pdf(const std::string& html, const fs::path& out, const fs::pa
                                     "--no-pdf-header-footer",
                                     fmt::format("--user-data-dir={}", (scratch.path() / "profile").string()),
                                     fmt::format("--print-to-pdf={}", pdf.string())};
-  if (geteuid() == 0) words.emplace_back("--no-sandbox");  // Chromium refuses to run as root with it; the page is ours and fetches nothing
+  if (geteuid() == 0)
+    words.emplace_back("--no-sandbox");  // Chromium refuses to run as root with it; the page is ours and fetches nothing
   words.push_back("file://" + page.string());
   const auto process = start(words);
   if (!process) return fail(process.error().code, process.error().message);

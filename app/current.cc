@@ -77,7 +77,8 @@ std::filesystem::path plain_path(const std::filesystem::path& path) {
 
 std::string overview_of(const std::filesystem::path& out, const Session& session) {
   std::filesystem::path folder = plain_path(out);
-  const std::filesystem::path job_results = session.job_results().empty() ? std::filesystem::path() : plain_path(session.job_results());
+  const std::filesystem::path job_results =
+      session.job_results().empty() ? std::filesystem::path() : plain_path(session.job_results());
   std::string way;
   for (int level = 0; level < 2; ++level) {  // a station's scan stands one deeper
     folder = folder.parent_path();

@@ -393,8 +393,9 @@ Result<StepOutcome> job_edge_step(const JobEdgeTask& task, const fs::path& out, 
   const fs::path program = job.path.gcode_template ? job.resolve(*job.path.gcode_template) : fs::path();
   if (auto done = write_path_files(folder->path(), found->path, job.path, program, job.name); !done)
     return fail(std::move(done));
-  const std::string html = report::edge_report(view_of(*found, *views, stitching->frame),
-                                               {"Hole edge and path", job.name, envelope, options.dump(2), overview_of(out, session)});
+  const std::string html =
+      report::edge_report(view_of(*found, *views, stitching->frame),
+                          {"Hole edge and path", job.name, envelope, options.dump(2), overview_of(out, session)});
   if (auto published = publish(*folder, html, result); !published) return fail(std::move(published));
   const std::string said = fmt::format("{}; path {:.1f} mm in {:.0f} s", edge_summary(found->hole, found->fit),
                                        found->path.length_mm, found->path.duration_s);

@@ -77,7 +77,8 @@ Result<StepOutcome> adjust_step(const Job& job, const fs::path& detection, const
   if (!network) return tl::unexpected(network.error());
   const auto adjusted = bundle::adjust(*network, adjust_options, session.progress());
   if (!adjusted) return tl::unexpected(adjusted.error());
-  return write_adjustment(*folder, out, *adjusted, {job.name, std::move(*inputs), options, job.limits, overview_of(out, session)});
+  return write_adjustment(*folder, out, *adjusted,
+                          {job.name, std::move(*inputs), options, job.limits, overview_of(out, session)});
 }
 
 }  // namespace crosstie::app

@@ -263,8 +263,8 @@ Result<StepOutcome> calibrate_step(const CalibrationTask& task, const fs::path& 
   }
   if (auto written = write_files(folder->path(), *calibration, *quality, found->front()); !written)
     return base::fail(std::move(written));
-  const std::string html =
-      report::calibration_report(*calibration, *quality, {"Camera calibration", task.title, envelope, options.dump(2), overview_of(out, session)});
+  const std::string html = report::calibration_report(
+      *calibration, *quality, {"Camera calibration", task.title, envelope, options.dump(2), overview_of(out, session)});
   ordered_json body = base::calibration_json(*calibration);
   body.update(base::calibration_quality_json(*quality, task.cameras));
   const ordered_json result = base::result_json(envelope, options, body);

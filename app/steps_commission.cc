@@ -98,7 +98,8 @@ Result<StepOutcome> commission_step(const Job& job, const CommissionSources& sou
   if (auto written = base::write_covariance(folder->path(), {result->covariance, result->labels}); !written)
     return base::fail(std::move(written));
   const std::string html = report::commissioning_report(
-      commissioning_view(*result, *input), {"The head in the machine's frame", job.name, envelope, options.dump(2), overview_of(out, session)});
+      commissioning_view(*result, *input),
+      {"The head in the machine's frame", job.name, envelope, options.dump(2), overview_of(out, session)});
   const ordered_json json = base::result_json(envelope, options, base::commissioning_json(*result));
   if (auto published = publish(*folder, html, json); !published) return base::fail(std::move(published));
   return StepOutcome{out, summary(*result), false, outcome_of(envelope.verdicts)};

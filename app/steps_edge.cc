@@ -119,7 +119,8 @@ Result<StepOutcome> edge_step(const EdgeTask& task, const fs::path& out, Session
   if (auto done = write_edge(folder->path() / "edge.csv", *hole); !done) return base::fail(std::move(done));
   report::EdgeView view = edge_view(*hole, fit);
   add_edge_images(station, hole->curve, view);
-  const std::string html = report::edge_report(view, {"Hole edge", task.title, envelope, options.dump(2), overview_of(out, session)});
+  const std::string html =
+      report::edge_report(view, {"Hole edge", task.title, envelope, options.dump(2), overview_of(out, session)});
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   return StepOutcome{out, edge_summary(*hole, fit), false, outcome_of(result)};
 }

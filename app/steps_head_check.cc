@@ -129,8 +129,8 @@ Result<HeadCheckOutcome> check_head_step(const Job& job, const HeadCheckTask& ta
                           {"significance", check_options.significance},
                           {"temperature_limit_c", check_options.temperature_limit_c}};
   if (task.temperature_c) options["temperature_c"] = *task.temperature_c;
-  const std::string html =
-      report::head_check_report(*check, verdict_line(*check), {"Check of the head", job.name, envelope, options.dump(2), overview_of(out, session)});
+  const std::string html = report::head_check_report(
+      *check, verdict_line(*check), {"Check of the head", job.name, envelope, options.dump(2), overview_of(out, session)});
   const ordered_json json = base::result_json(envelope, options, base::head_check_json(*check));
   if (auto published = publish(*folder, html, json); !published) return base::fail(std::move(published));
   return HeadCheckOutcome{{out, verdict_line(*check), false, holds ? Outcome::kOk : Outcome::kVerdictFailed}, lines_of(*check)};

@@ -279,7 +279,8 @@ Result<StepOutcome> scan_step(const ScanTask& task, const fs::path& out, Session
   if (auto done = write_markers(parts, folder->path()); !done) return base::fail(std::move(done));
   if (auto done = base::write_edge_pixels(folder->path() / "edge_pixels.csv", parts.edges); !done)
     return base::fail(std::move(done));
-  const std::string html = report::scan_report(summary, {"Scan", task.title, envelope, options.dump(2), overview_of(out, session)});
+  const std::string html =
+      report::scan_report(summary, {"Scan", task.title, envelope, options.dump(2), overview_of(out, session)});
   if (auto published = publish(*folder, html, result); !published) return base::fail(std::move(published));
   return StepOutcome{out, said(summary), false, outcome_of(result)};
 }

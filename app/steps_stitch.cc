@@ -199,7 +199,8 @@ Result<StepOutcome> write(ResultFolder& folder, const fs::path& out, const base:
   if (auto written = report::write_stitching_tables(folder.path(), stitching); !written) return fail(std::move(written));
   if (auto written = base::write_covariance(folder.path(), {stitching.covariance, stitching.labels}); !written)
     return fail(std::move(written));
-  const std::string html = report::stitching_report(stitching, merged, {"Stitched cloud", title, envelope, options.dump(2), overview_of(out, session)});
+  const std::string html = report::stitching_report(
+      stitching, merged, {"Stitched cloud", title, envelope, options.dump(2), overview_of(out, session)});
   const ordered_json result = base::result_json(envelope, options, base::stitching_json(stitching));
   if (auto published = publish(folder, html, result); !published) return fail(std::move(published));
   return StepOutcome{out, summary_of(stitching, merged.points.size()), false, outcome_of(result)};

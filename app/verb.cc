@@ -38,9 +38,9 @@ Result<std::optional<long>> Arguments::integer(const std::string& name) const {
 
 const std::vector<Verb>& verbs() {
   static const std::vector<Verb> table = {
-      init_verb(),       targets_verb(),  patterns_verb(), calibrate_verb(), detect_verb(), adjust_verb(),
-      commission_verb(), scan_verb(),     edge_verb(),     stitch_verb(),    verify_verb(), run_verb(),
-      report_verb(),     live_verb(),       simulate_verb(), plan_verb(),     compare_verb(),   fit_verb(),    convert_verb(),
+      init_verb(),     targets_verb(), patterns_verb(), calibrate_verb(), detect_verb(),  adjust_verb(), commission_verb(),
+      scan_verb(),     edge_verb(),    stitch_verb(),   verify_verb(),    run_verb(),     report_verb(), live_verb(),
+      simulate_verb(), plan_verb(),    compare_verb(),  fit_verb(),       convert_verb(),
   };
   return table;
 }

@@ -8,8 +8,9 @@
 namespace crosstie::math {
 
 base::Result<Eigen::MatrixXd> whitening_of(const Eigen::MatrixXd& cov, const std::string& name) {
-  constexpr double kRounding = 1e-10;  // over the largest eigenvalue: below, a direction without variance may have been rounded to it
-  constexpr double kExact = 1e-4;      // over the least variance beyond that; less loses digits where a growth moves what is exact
+  constexpr double kRounding =
+      1e-10;  // over the largest eigenvalue: below, a direction without variance may have been rounded to it
+  constexpr double kExact = 1e-4;  // over the least variance beyond that; less loses digits where a growth moves what is exact
   if (cov.size() == 0) return Eigen::MatrixXd(0, 0);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(cov);
   Eigen::VectorXd values = eigen.eigenvalues();

@@ -39,7 +39,8 @@ std::string tests_table(const base::HeadCheck& check) {
 std::string change_table(const std::string& caption, const base::Vector6d& change, const base::Vector6d& sigma,
                          const std::array<bool, 6>& seen) {
   static constexpr std::array<const char*, 6> kNames = {"rx [mrad]", "ry [mrad]", "rz [mrad]", "x [mm]", "y [mm]", "z [mm]"};
-  HtmlTable table(caption, {{"Component", "", "", false}, {"Change", ""}, {"Sigma", ""}, {"U (k = 2)", ""}, {"Over sigma", ""}});
+  HtmlTable table(caption,
+                  {{"Component", "", "", false}, {"Change", ""}, {"Sigma", ""}, {"U (k = 2)", ""}, {"Over sigma", ""}});
   for (Eigen::Index i = 0; i < 6; ++i) {
     const char* name = kNames[static_cast<std::size_t>(i)];
     if (!seen[static_cast<std::size_t>(i)]) {

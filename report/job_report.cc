@@ -57,8 +57,8 @@ std::string steps_table(const JobOverview& overview) {
                    detail::number_cell(std::to_string(warnings), static_cast<double>(warnings))});
   }
   for (const std::string& step : overview.not_done)
-    table.add_row({text_cell(step), text_cell("\u2013", "muted"), text_cell("not done yet", "muted"), text_cell(""), text_cell(""),
-                   text_cell("")});
+    table.add_row({text_cell(step), text_cell("\u2013", "muted"), text_cell("not done yet", "muted"), text_cell(""),
+                   text_cell(""), text_cell("")});
   return table.html();
 }
 

@@ -31,7 +31,8 @@ Result<fs::path> page_of(const fs::path& path) {
   }
   std::error_code none;
   if (!fs::exists(path, none)) return base::fail(ErrorCode::kFileSystem, fmt::format("{}: not there", base::shown(path)));
-  return base::fail(ErrorCode::kBadInput, fmt::format("{}: no report there; crosstie run makes those of a job", base::shown(path)));
+  return base::fail(ErrorCode::kBadInput,
+                    fmt::format("{}: no report there; crosstie run makes those of a job", base::shown(path)));
 }
 
 /// The reports that an overview leads to, in its order: addresses like "scan/x0500/report.html".
@@ -76,10 +77,12 @@ Result<Outcome> report_pages(const Arguments& arguments, Session& session) {
   }
   const std::string html = report::bound_report(pages);
   if (html.empty()) {
-    return base::fail(ErrorCode::kBadInput, fmt::format("{}: it, or a report that it leads to, is no page of crosstie", base::shown(*page)));
+    return base::fail(ErrorCode::kBadInput,
+                      fmt::format("{}: it, or a report that it leads to, is no page of crosstie", base::shown(*page)));
   }
   if (auto printed = print_as_pdf(html, *pdf, *browser, session.progress()); !printed) return base::fail(std::move(printed));
-  session.say(fmt::format("{} report{} printed by {}", pages.size(), pages.size() == 1 ? "" : "s", browser->filename().string()));
+  session.say(
+      fmt::format("{} report{} printed by {}", pages.size(), pages.size() == 1 ? "" : "s", browser->filename().string()));
   session.print(*pdf);
   return Outcome::kOk;
 }
@@ -87,19 +90,20 @@ Result<Outcome> report_pages(const Arguments& arguments, Session& session) {
 }  // namespace
 
 Verb report_verb() {
-  return {"report",
-          "say where the reports of a job or a result are, or print all of them as one PDF",
-          "  $ crosstie report door --pdf door.pdf\n"
-          "  12 reports printed by chromium\n"
-          "  door.pdf",
-          {{"PATH", "PATH", "job folder, folder of a result, or a report's .html file", true, false},
-           {"--pdf", "FILE",
-            "print with Chromium, Chrome or Edge into this file: of a job its overview and every report that it leads to (default: "
-            "print their paths)",
-            false, false},
-           {"--browser", "FILE", "the browser that prints; default: the first of chromium, google-chrome, microsoft-edge on PATH", false,
-            false}},
-          report_pages};
+  return {
+      "report",
+      "say where the reports of a job or a result are, or print all of them as one PDF",
+      "  $ crosstie report door --pdf door.pdf\n"
+      "  12 reports printed by chromium\n"
+      "  door.pdf",
+      {{"PATH", "PATH", "job folder, folder of a result, or a report's .html file", true, false},
+       {"--pdf", "FILE",
+        "print with Chromium, Chrome or Edge into this file: of a job its overview and every report that it leads to (default: "
+        "print their paths)",
+        false, false},
+       {"--browser", "FILE", "the browser that prints; default: the first of chromium, google-chrome, microsoft-edge on PATH",
+        false, false}},
+      report_pages};
 }
 
 }  // namespace crosstie::app

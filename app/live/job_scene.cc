@@ -113,7 +113,8 @@ std::string scene_json(const LiveScene& scene) {
   json["patches"] = ordered_json::array();
   for (std::size_t i = 0; i < scene.patches.size(); ++i) {
     const auto& [patch, frame_from_rig] = scene.patches[i];
-    json["patches"].push_back({{"station", patch->station}, {"colour", i}, {"points", base::base64(packed(*patch, frame_from_rig))}});
+    json["patches"].push_back(
+        {{"station", patch->station}, {"colour", i}, {"points", base::base64(packed(*patch, frame_from_rig))}});
   }
   json["rim"] = ordered_json::array();
   for (const RimPiece& piece : scene.rim) {

@@ -49,7 +49,7 @@ struct AxisMotion {
   /// Of each station from the axis as found, [turn, shift of the rig's origin] in the machine's axes, and standardised.
   std::vector<base::Vector6d> off_axis;
   std::vector<double> w;
-  double degrees = 0.0;  ///< of Student's t where stop sigmas were estimated; 0: the normal distribution
+  double degrees = 0.0;   ///< of Student's t where stop sigmas were estimated; 0: the normal distribution
   double least_w = 3.29;  ///< a motion of so many sigmas of its test is just significant
 
   /// Those that take part in the adjustment.

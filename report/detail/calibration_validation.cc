@@ -43,8 +43,9 @@ std::string halves_table(const Calibration& calibration) {
   constexpr double kDoubtful = 2.0;
   const auto row = [&](const std::string& name, double value, double predicted, const char* unit) {
     const double ratio = predicted > 0.0 ? std::abs(value) / predicted : std::nan("");
-    table.add_row({text_cell(name), number_cell(significant(value, 2), value), number_cell(significant(predicted, 2), predicted),
-                   text_cell(unit), number_cell(fixed(ratio, 2), ratio, ratio > kDoubtful ? "warning" : "")});
+    table.add_row({text_cell(name), number_cell(significant(value, 2), value),
+                   number_cell(significant(predicted, 2), predicted), text_cell(unit),
+                   number_cell(fixed(ratio, 2), ratio, ratio > kDoubtful ? "warning" : "")});
   };
   for (std::size_t c = 0; c < calibration.cameras.size() && c < validation.model_difference_px.size(); ++c) {
     row(fmt::format("projection, camera {}", calibration.cameras[c].name), validation.model_difference_px[c],

@@ -69,7 +69,8 @@ std::string terms_table(const base::MachineFrame& frame) {
     };
     table.add_row({text_cell(term.name), text_cell(shown->name), number_cell(std::to_string(term.order), term.order),
                    of_axis(value), of_axis(sigma), of_axis(2.0 * sigma), text_cell(shown->unit),
-                   number_cell(fixed(found, decimals), found), number_cell(term.p < 1e-4 ? "< 0.0001" : significant(term.p, 2), term.p),
+                   number_cell(fixed(found, decimals), found),
+                   number_cell(term.p < 1e-4 ? "< 0.0001" : significant(term.p, 2), term.p),
                    text_cell(term.significant ? "yes" : "no", term.significant ? "warning" : "muted")});
   }
   return table.html();
@@ -150,7 +151,8 @@ std::string commissioning_axis_section(const CommissioningView& view) {
       {"Scale: travelled against read", with_sigma(axis.scale_ppm, axis.scale_sigma_ppm, "ppm")},
       {"Expanded (k = 2)", expanded(axis.scale_sigma_ppm, "ppm")},
       {"Probability of such a scale by chance",
-       fmt::format("{}, {}", axis.scale_p < 1e-4 ? "< 0.0001" : significant(axis.scale_p, 2), axis.scale_significant ? "significant" : "not significant")},
+       fmt::format("{}, {}", axis.scale_p < 1e-4 ? "< 0.0001" : significant(axis.scale_p, 2),
+                   axis.scale_significant ? "significant" : "not significant")},
       {"Sigma of a reading, stated", fmt::format("{} mm", plain(axis.reading_sigma_mm))},
       {"Scatter of the stops beside it",
        axis.stop_sigma_mm > 0.0 || axis.stop_sigma_rad > 0.0

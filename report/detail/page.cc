@@ -53,13 +53,15 @@ std::string banner(const std::vector<Verdict>& verdicts, std::size_t warnings) {
     }
   }
   if (!judged) {
-    reasons += "<li>No limit was set for this result, so it is not judged. The figures below stand for themselves; [limits] of the "
-               "job sets limits.</li>\n";
+    reasons +=
+        "<li>No limit was set for this result, so it is not judged. The figures below stand for themselves; [limits] of the "
+        "job sets limits.</li>\n";
   } else if (worst == VerdictLevel::kOk) {
     const bool tests = std::all_of(verdicts.begin(), verdicts.end(), is_probability);
-    reasons += fmt::format("<li>{} {}.</li>\n",
-                           verdicts.size() == 1 ? "The check keeps its limit" : fmt::format("All {} checks keep their limits", verdicts.size()),
-                           tests ? "at the level of the check" : "by more than the uncertainty U (k = 2)");
+    reasons += fmt::format(
+        "<li>{} {}.</li>\n",
+        verdicts.size() == 1 ? "The check keeps its limit" : fmt::format("All {} checks keep their limits", verdicts.size()),
+        tests ? "at the level of the check" : "by more than the uncertainty U (k = 2)");
   }
   if (warnings > 0) {
     reasons += fmt::format("<li><a href=\"#warnings\">{} warning{}</a> to read.</li>\n", warnings, warnings == 1 ? "" : "s");
@@ -77,8 +79,9 @@ std::string verdict_table(const std::vector<Verdict>& verdicts) {
       "Values held against their limits, after ISO 14253-1: inside by more than U (k = 2) is OK, within U of the limit "
       "WARNING, outside FAIL.";
   if (std::any_of(verdicts.begin(), verdicts.end(), is_probability)) {
-    caption += " A p is the probability of a deviation at least this large where nothing has moved; it FAILs where it is below its "
-               "share of the level.";
+    caption +=
+        " A p is the probability of a deviation at least this large where nothing has moved; it FAILs where it is below its "
+        "share of the level.";
   }
   HtmlTable table(caption, {{"Check", "", "", false},
                             {"Verdict", "", "", false},
@@ -91,7 +94,8 @@ std::string verdict_table(const std::vector<Verdict>& verdicts) {
     table.add_row({text_cell(verdict_words(verdict.name), "prose"),
                    text_cell(std::string(base::verdict_level_name(verdict.level)), level_class(verdict.level)),
                    number_cell(plain(verdict.value), verdict.value),
-                   number_cell(fmt::format("{}\u00a0{}", is_probability(verdict) ? "\u2265" : "\u2264", plain(verdict.limit)), verdict.limit),
+                   number_cell(fmt::format("{}\u00a0{}", is_probability(verdict) ? "\u2265" : "\u2264", plain(verdict.limit)),
+                               verdict.limit),
                    text_cell(verdict.unit), text_cell(verdict.source, "prose")});
   }
   return table.html();
@@ -120,7 +124,8 @@ std::string origin(const ReportContext& context) {
                         context.envelope.inputs.size() == 1 ? "" : "s", table.html());
   }
   if (!context.options_json.empty()) {
-    html += fmt::format("<details><summary>Effective options</summary><pre tabindex=\"0\">{}</pre></details>\n", escape(context.options_json));
+    html += fmt::format("<details><summary>Effective options</summary><pre tabindex=\"0\">{}</pre></details>\n",
+                        escape(context.options_json));
   }
   return html;
 }
@@ -208,10 +213,11 @@ std::string Page::html() const {
       escape(policy), escape(base::version()),
       escape(context_.job.empty() ? context_.title : fmt::format("{} \u2013 {}", context_.job, context_.title)), css);
   const std::string overview =
-      context_.overview.empty() ? "" : fmt::format("<a class=\"overview\" href=\"{}\">Job overview</a>", escape(context_.overview));
+      context_.overview.empty() ? ""
+                                : fmt::format("<a class=\"overview\" href=\"{}\">Job overview</a>", escape(context_.overview));
   html += fmt::format(
-      "<header><p class=\"job\">{}{}</p><h1>{}</h1></header>\n<nav aria-label=\"Contents\"><ul>\n{}</ul></nav>\n<main>\n", overview,
-      escape(context_.job), escape(context_.title), contents);
+      "<header><p class=\"job\">{}{}</p><h1>{}</h1></header>\n<nav aria-label=\"Contents\"><ul>\n{}</ul></nav>\n<main>\n",
+      overview, escape(context_.job), escape(context_.title), contents);
   html += banner(context_.envelope.verdicts, warnings_.size());
   html += figures_ + body;
   html += "</main>\n<script>" + script + "</script>\n";

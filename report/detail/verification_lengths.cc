@@ -36,7 +36,8 @@ std::string length_plot(const std::vector<LengthDeviation>& lengths, const Lengt
     const double error = error_mm(length);
     const bool outside = std::abs(error) > length.mpe_mm;
     if (!dense && length.sigma_mm > 0.0) {
-      plot.whisker(length.nominal_mm, (error - 2.0 * length.sigma_mm) * unit.per_mm, (error + 2.0 * length.sigma_mm) * unit.per_mm);
+      plot.whisker(length.nominal_mm, (error - 2.0 * length.sigma_mm) * unit.per_mm,
+                   (error + 2.0 * length.sigma_mm) * unit.per_mm);
     }
     plot.point(length.nominal_mm, error * unit.per_mm,
                outside ? "dot out"

@@ -46,12 +46,17 @@ class ReportVerb : public testing::Test {
   [[nodiscard]] std::string at(const std::string& name) const { return (folder_.path() / name).string(); }
   /// A browser that does this with $page, the page to print, and $pdf, where it is to be printed.
   [[nodiscard]] std::string browser(const std::string& deed) const {
-    write("browser", "#!/bin/sh\nfor word in \"$@\"; do case $word in --print-to-pdf=*) pdf=${word#*=} ;; file://*) page=${word#file://} ;; esac; "
-                     "done\n" + deed + "\n");
+    write("browser",
+          "#!/bin/sh\nfor word in \"$@\"; do case $word in --print-to-pdf=*) pdf=${word#*=} ;; file://*) page=${word#file://} "
+          ";; esac; "
+          "done\n" +
+              deed + "\n");
     fs::permissions(at("browser"), fs::perms::owner_all);
     return at("browser");
   }
-  [[nodiscard]] std::string printing() const { return browser("cp \"$page\" " + at("seen.html") + "; printf '%%PDF-1.4 of a test' >\"$pdf\""); }
+  [[nodiscard]] std::string printing() const {
+    return browser("cp \"$page\" " + at("seen.html") + "; printf '%%PDF-1.4 of a test' >\"$pdf\"");
+  }
   [[nodiscard]] std::string contents(const std::string& name) const { return tests::read_all(at(name)); }
 
   const tests::TemporaryFolder folder_;
@@ -77,11 +82,13 @@ TEST_F(ReportVerb, BindsAllReportsOfAJobIntoOnePageForThePrinter) {
   EXPECT_LT(overview, scan);
   EXPECT_LT(scan, edge);
   EXPECT_LT(edge, page.size());
-  EXPECT_THAT(page, AllOf(HasSubstr("href=\"#r1\""), HasSubstr("id=\"r2\""), Not(HasSubstr("href=\"edge/report.html\"")))) << "links lead inside";
+  EXPECT_THAT(page, AllOf(HasSubstr("href=\"#r1\""), HasSubstr("id=\"r2\""), Not(HasSubstr("href=\"edge/report.html\""))))
+      << "links lead inside";
 }
 
 TEST_F(ReportVerb, PrintsOneReportByItself) {
-  ASSERT_FALSE(tests::run_verb({"report", at("job/results/edge/report.html"), "--pdf", at("edge.pdf"), "--browser", printing()}).error);
+  ASSERT_FALSE(
+      tests::run_verb({"report", at("job/results/edge/report.html"), "--pdf", at("edge.pdf"), "--browser", printing()}).error);
   EXPECT_THAT(contents("seen.html"), AllOf(HasSubstr("the edge"), Not(HasSubstr("the scan"))));
 }
 
@@ -107,7 +114,8 @@ TEST_F(ReportVerb, SaysWhatIsMissing) {
   EXPECT_THAT(error_of({"report", at("job"), "--browser", "chromium"}), HasSubstr("needs --pdf"));
   EXPECT_THAT(error_of({"report", at("job"), "--pdf", at("a.pdf"), "--browser", at("none")}), HasSubstr("no program"));
   write("foreign/report.html", "<html><body>not ours</body></html>");
-  EXPECT_THAT(error_of({"report", at("foreign"), "--pdf", at("a.pdf"), "--browser", printing()}), HasSubstr("no page of crosstie"));
+  EXPECT_THAT(error_of({"report", at("foreign"), "--pdf", at("a.pdf"), "--browser", printing()}),
+              HasSubstr("no page of crosstie"));
   write("job/results/edge/report.html", "cut");
   EXPECT_THAT(error_of({"report", at("job"), "--pdf", at("a.pdf"), "--browser", printing()}), HasSubstr("no page of crosstie"));
   EXPECT_FALSE(fs::exists(at("a.pdf")));
