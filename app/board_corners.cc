@@ -154,6 +154,14 @@ int FoundCorners::images_with_board() const {
       std::count_if(images.begin(), images.end(), [](const BoardImage& image) { return !image.corners.empty(); }));
 }
 
+void put_best_first(std::vector<FoundCorners>& found) {
+  const auto outdone = [&](const FoundCorners& other) {
+    return !other.sample && 3 * other.images_with_board() > 4 * found.front().images_with_board();
+  };
+  if (const auto better = std::find_if(found.begin(), found.end(), outdone); better != found.end())
+    std::iter_swap(found.begin(), better);
+}
+
 Result<std::vector<FoundCorners>> find_board(const CalibrationTask& task, Session& session) {
   std::vector<FoundCorners> found;
   const auto add = [&found](Result<FoundCorners> corners) -> Result<> {
@@ -179,8 +187,7 @@ Result<std::vector<FoundCorners>> find_board(const CalibrationTask& task, Sessio
     if (done && choose) done = add(corners_to_compare(task, found.front(), session));
   }
   if (!done) return tl::unexpected(done.error());
-  std::stable_sort(found.begin(), found.end(),
-                   [](const FoundCorners& a, const FoundCorners& b) { return a.images_with_board() > b.images_with_board(); });
+  put_best_first(found);
   if (found.front().images_with_board() == 0 && !task.images.empty()) return not_found(task, session);
   return found;
 }

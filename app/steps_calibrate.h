@@ -52,6 +52,10 @@ struct FoundCorners {
   [[nodiscard]] int images_with_board() const;
 };
 
+/// The one whose corners are to be used comes first: the first one, whose corners are fitted to the pixels and are several times as good, unless
+/// another found the board in more than a third more images.
+void put_best_first(std::vector<FoundCorners>& found);
+
 /// By all detectors that the task asks for, the one whose corners are used first.
 base::Result<std::vector<FoundCorners>> find_board(const CalibrationTask& task, Session& session);
 

@@ -226,9 +226,9 @@ Verb calibrate_verb() {
         lens_words()},
        {"--detector",
         "DETECTOR",
-        "of a chessboard: classic, sb, or auto (default): what finds more; above 25 megapixels of images classic, compared "
-        "with sb "
-        "on a sample",
+        "of a chessboard: classic, sb, or auto (default): classic, unless sb finds the board in a third more images; the two "
+        "are compared, "
+        "above 25 megapixels of images on a sample",
         false,
         false,
         1,
