@@ -2,20 +2,14 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "scan/detail/fringe_kernel.cc"
-#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
+
+#include "scan/detail/lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace crosstie::scan::detail::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
-
-/// Samples that are asked for in time: that many images are read at once that the processor does not see what comes next.
-constexpr std::size_t kAhead = 1024;
-constexpr std::size_t kLine = 64;
-
-using Wide = hn::ScalableTag<float>;
-using One = hn::CappedTag<float, 1>;  // of what is left at a row's end
 
 template <class D, typename Sample>
 HWY_INLINE hn::Vec<D> Load(D d, const Sample* from) {

@@ -11,26 +11,11 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "scan/detail/lanes-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace crosstie::scan::detail::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
-
-using Wide = hn::ScalableTag<float>;
-using One = hn::CappedTag<float, 1>;  // of what is left at a row's end
-template <class D>
-using Whole = hn::Rebind<std::int32_t, D>;
-template <class D>
-using Byte = hn::Rebind<std::uint8_t, D>;
-
-/// `block(tag, i)` for all of [first, last).
-template <class Block>
-HWY_INLINE void ForAll(std::size_t first, std::size_t last, const Block& block) {
-  const Wide wide;
-  const One one;
-  std::size_t i = first;
-  for (; i + hn::Lanes(wide) <= last; i += hn::Lanes(wide)) block(wide, i);
-  for (; i < last; ++i) block(one, i);
-}
 
 /// Steps in the array to the neighbours that are looked at; 0: there is none, and nothing differs from itself.
 struct Neighbours {

@@ -136,14 +136,14 @@ TEST_F(CommissionJob, PutsTheHeadWhereItIs) {
 TEST_F(CommissionJob, IsTheSameBytesForAnyNumberOfThreads) {
   // With all that comes before it; the cross-validation's threads are calibrate's own test.
   const auto first = tests::result_contents(results("commission"));
-  const auto stations = tests::result_contents(results("detect-stations"));
+  const auto stations = tests::folder_contents(results("detect-stations"));
   ASSERT_FALSE(first.empty());
   for (const char* threads : {"1", "8"}) {
     const TemporaryFolder other;
     const auto run =
         run_program({"run", job().string(), "--to", "stations", "--threads", threads, "--out", (other / "out").string()});
     ASSERT_LE(run.exit_code, 1) << run.err;
-    EXPECT_EQ(tests::result_contents(other / "out/detect-stations"), stations) << threads;
+    EXPECT_EQ(tests::folder_contents(other / "out/detect-stations"), stations) << threads;
     const auto commissioned =
         run_program({"commission", job().string(), "--threads", threads, "--out", (other / "c").string()});
     ASSERT_LE(commissioned.exit_code, 1) << commissioned.err;

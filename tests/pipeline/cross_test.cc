@@ -163,14 +163,14 @@ TEST_F(Cross, GivesTheSameBytesForAnyNumberOfThreadsAndEveryRun) {
     const fs::path out = *folder_ / (std::string("threads") + threads);
     const auto run = run_program({"run", job().string(), "--out", out.string(), "--threads", threads});
     ASSERT_EQ(run.exit_code, 0) << run.err;
-    const auto files = tests::result_contents(out);
+    const auto files = tests::folder_contents(out);
     ASSERT_GT(files.size(), 10U);
     if (first.empty()) first = files;
     for (const auto& [name, bytes] : files)
       EXPECT_TRUE(first[name] == bytes) << name << " differs with " << threads << " threads";
     EXPECT_EQ(files.size(), first.size());
   }
-  EXPECT_TRUE(first == tests::result_contents(job() / "results")) << "a second run differs from the first";
+  EXPECT_TRUE(first == tests::folder_contents(job() / "results")) << "a second run differs from the first";
 }
 
 TEST_F(Cross, RecomputesOnlyWhatChanged) {
