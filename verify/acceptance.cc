@@ -165,12 +165,8 @@ Result<base::MeasuredPlane> measure_plane(const base::Cloud& cloud, const PlaneA
   if (!cloud.cov_mm2.empty()) {
     figures.point_sigma_mm = std::sqrt(points.variance_mm2.mean());
     figures.predicted_mm = detail::predicted_range(points.variance_mm2, options.discard_share);
-    const double chi =
-        (deviations.array().square() / points.variance_mm2.head(count).array()).sum() / static_cast<double>(count - 3);
-    points.variance_mm2 *= std::max(1.0, chi);
-  } else {
-    points.variance_mm2.setConstant(figures.rms_mm * figures.rms_mm);
   }
+  detail::raise_to_scatter(points, count);
   const detail::Correlation correlation = detail::correlation_of(points);
   figures.independent_share = correlation.share;
   figures.correlation_mm = correlation.place_mm;

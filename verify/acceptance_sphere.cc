@@ -227,14 +227,7 @@ Result<base::MeasuredSphere> measure_sphere(const base::Cloud& cloud, const Sphe
                     "are not told apart. Look at it from nearer its front, or see least_cap_deg",
                     artefact.name, result.cap_rad * kDegrees, options.least_cap() * kDegrees));
   }
-  // Deviations beyond the points' own sigmas count: the larger of both, kept in the sigmas' proportions.
-  if (figures.point_sigma_mm > 0.0) {
-    const double chi =
-        (points.deviation_mm.array().square() / points.variance_mm2.array()).sum() / static_cast<double>(count - 4);
-    points.variance_mm2 *= std::max(1.0, chi);
-  } else {
-    points.variance_mm2.setConstant(figures.rms_mm * figures.rms_mm);
-  }
+  detail::raise_to_scatter(points, count);
   const detail::Correlation correlation = detail::correlation_of(points);
   figures.independent_share = correlation.share;
   figures.correlation_mm = correlation.place_mm;

@@ -39,6 +39,16 @@ double point_distance(const FormPoints& points) {
 
 }  // namespace
 
+void raise_to_scatter(FormPoints& points, Eigen::Index kept) {
+  const auto squares = points.deviation_mm.head(kept).array().square();
+  const double dof = static_cast<double>(kept - points.design.cols());
+  if (points.variance_mm2.head(kept).minCoeff() > 0.0) {
+    points.variance_mm2 *= std::max(1.0, (squares / points.variance_mm2.head(kept).array()).sum() / dof);
+  } else {
+    points.variance_mm2.setConstant(squares.sum() / dof);
+  }
+}
+
 Correlation correlation_of(const FormPoints& points) {
   constexpr std::size_t kLeastPlaces = 16;
   constexpr double kChance = 0.01;

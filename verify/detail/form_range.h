@@ -14,6 +14,10 @@ struct FormPoints {
   Eigen::MatrixXd design;        ///< d deviation / d (less the shape's parameters), a row for each point
 };
 
+/// Deviations beyond the points' own sigmas count: variances grow to the scatter of the first `kept` points, in their proportions, and never
+/// shrink. Where the points have no sigmas, all have that scatter.
+void raise_to_scatter(FormPoints& points, Eigen::Index kept);
+
 /// How neighbouring points err together.
 struct Correlation {
   double share = 1.0;     ///< N_eff / N
